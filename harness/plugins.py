@@ -23,8 +23,8 @@ actuators, and named points (`Point`). Tasks are `GivenMotion` (inverse dynamics
 `OF_MOTION` all available ones.
 
 **Description.** `load_mechanism` reads a `Mechanism` of `Body`, `Joint` (with a `Frame` on each side) and couplings
-(`Coupling`, a `PolynomialSum`; `Fixing` constrains a fixed joint). `GROUND` is the name of the ground. `resistances`
-lists rotors, dampers and dry friction as `Resistance`.
+(`Coupling`, a `PolynomialSum`; one with `fixing` locks a fixed joint). `GROUND` is the name of the ground.
+`resistances` lists rotors, dampers and dry friction as `Resistance`.
 
 **Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` returns the ordered
 components and units of each quantity, of type `Names`. `stages` returns the last stage of the computation that the
@@ -114,7 +114,7 @@ from screwgauge.problem import (
 from screwgauge.quantities import GIVEN, OF_MOTION, Names, length, stages
 from screwgauge.quantities import described as names
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring
-from screwgauge.reference.couplings import Coupling, Fixing, PolynomialSum
+from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.errors import (
     ClosureError,
@@ -167,7 +167,6 @@ __all__ = [
     "Engine",
     "EngineModel",
     "Error",
-    "Fixing",
     "Frame",
     "Function",
     "GivenMotion",

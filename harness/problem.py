@@ -45,12 +45,13 @@ def silent(step: str, share: float) -> None:
     """Ignore a progress report with a step."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _ReadOnly:
-    """Base class of data with read-only arrays."""
+    """Base class of records with read-only arrays."""
+
+    __slots__ = ()
 
     def __post_init__(self) -> None:
-        for field in fields(self):
+        for field in fields(self):  # type: ignore[arg-type]  # of the record
             if isinstance(array := getattr(self, field.name), np.ndarray):
                 array.setflags(write=False)
 
@@ -227,8 +228,8 @@ def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:
         given = {"start": len(task.start)}
     for what, n in given.items():
         if n != k:
-            differs = f"has {k} independent coordinates, the {what} {n}"
-            raise ModelFileError(differs, where, "name a description of the same mechanism")
+            differs = f"has {k} independent coordinates, but the {what} has {n}"
+            raise ModelFileError(differs, where, "choose a description of the same mechanism")
     for load in problem.applied.loads:
         if load.body not in mechanism.body_index:
-            raise ModelFileError(f"has no body '{load.body}'", where, "keep the names of the scene")
+            raise ModelFileError(f"has no body '{load.body}'", where, "use the body names of the scene")

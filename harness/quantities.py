@@ -132,7 +132,7 @@ QUANTITIES = {
             SOLVED,
             named=True,
         ),
-        Quantity("mass_matrix", "inertia that the independent coordinates have", "pair", "v", SOLVED, named=True),
+        Quantity("mass_matrix", "mass matrix of the independent coordinates", "pair", "v", SOLVED, named=True),
         Quantity(
             "jacobian",
             "angular velocity of each body, velocity of its origin and of named points, per rate of each actuator; "
@@ -142,7 +142,7 @@ QUANTITIES = {
             SOLVED,
             named=True,
         ),
-        Quantity("observable", "what a forward scene follows", "observable", "q", SOLVED),
+        Quantity("observable", "observables of a forward scene", "observable", "q", SOLVED),
     )
 }
 #: Quantities of joint coordinates, and quantities of bodies; kind of body motion -> its quantities.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from screwgauge.reference.couplings import Fixing, PolynomialSum
+from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS
@@ -126,7 +126,7 @@ def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], l
         tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
     tables += parts
     for one in mechanism.couplings:
-        if not isinstance(one, Fixing):  # the kind of the joint implies a fixing
+        if not one.fixing:  # the kind of the joint implies a fixing
             tables.append((f"[couplings.{key(one.name)}]", {"coordinate": one.coordinate, **_law(one.function)}))
     out = [*top]
     for title, entries in (*tables, *last):

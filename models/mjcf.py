@@ -18,7 +18,7 @@ import numpy as np
 from screwgauge.models.formats import number_text, quaternion, tensor_text, vector_text
 from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
 from screwgauge.models.shapes import add_contact_pairs, add_geoms, add_sensors
-from screwgauge.reference.couplings import Coupling, Fixing
+from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import UnknownNameError, first_few
 from screwgauge.reference.mechanism import GROUND, SLACK, Body, Frame, Mechanism, triangle_excess
 from screwgauge.reference.rigid import compose, inverse
@@ -312,7 +312,7 @@ def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
     Coordinates and tendon lengths are zero at MuJoCo's qpos0, as in the description.
     """
     for one in couplings:
-        if why_not(one) or isinstance(one, Fixing):
+        if why_not(one) or one.fixing:
             continue
         several, function = len(one.function.terms) > 1, one.function
         if several:

@@ -81,11 +81,11 @@ def _check(where: str, stiffness: float, rest: float, damping: float) -> None:
     values = {"stiffness": stiffness, "rest": rest, "damping": damping}
     for name, value in values.items():
         if not math.isfinite(value):
-            raise DescriptionError(f"{name} {value:g} is not finite", where, "give a finite number")
+            raise DescriptionError(f"{name} {value:g} is not finite", where, "use a finite number")
     for name in ("stiffness", "damping"):
         if values[name] < 0.0:
             what = f"{name} {values[name]:g} is negative"
-            raise DescriptionError(what, where, "a spring or damper cannot give energy")
+            raise DescriptionError(what, where, "use zero or more: springs and dampers cannot supply energy")
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,9 +137,11 @@ class PointSpring:
     def __post_init__(self) -> None:
         _check(self.where, self.stiffness, self.rest, self.damping)
         if self.rest < 0.0:
-            raise DescriptionError(f"rest length {self.rest:g} m is negative", self.where, "give a length")
+            raise DescriptionError(
+                f"rest length {self.rest:g} m is negative", self.where, "use a length of zero or more"
+            )
         if self.first == self.second:
-            raise DescriptionError("joins a body to itself", self.where, "name two bodies")
+            raise DescriptionError("connects a body to itself", self.where, "choose two bodies")
 
     def pull(self, length: Any, rate: Any) -> Any:
         """Return the tension, for any scalar type."""
@@ -156,7 +158,7 @@ class PointSpring:
 
     def no_direction(self, when: str = "") -> SingularPoseError:
         """Build the error for a spring whose end points coincide."""
-        what = f"its points meet{when}, so that it has no direction"
+        what = f"its points meet{when}, so it has no direction"
         return SingularPoseError(what, self.where, "move its points or shorten the motion")
 
 

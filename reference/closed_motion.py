@@ -122,8 +122,11 @@ class ClosedMotion(Forward):
     def _check_idle(self) -> None:
         """Reject a motion that is not determined by driven coordinates and forces on the remaining coordinates."""
         steered, moved = self.steering.condition, self.idle_reluctance
-        unmoved = "forces do not determine the accelerations of what no actuator drives"
-        for condition, what in ((steered, "actuators do not drive what has a motion"), (moved, unmoved)):
+        unmoved = "the forces do not determine the accelerations of coordinates without an actuator"
+        for condition, what in (
+            (steered, "the actuators do not drive all coordinates with a motion"),
+            (moved, unmoved),
+        ):
             if (bad := np.flatnonzero(~(condition < linear.SINGULAR))).size:
                 where = self.mechanism.described(self.q[bad[0], self.mechanism.independent_columns], 9)
                 remedy = "keep the motion away from that pose"
@@ -216,7 +219,7 @@ def _checked(what: str, values: Array, n: int, m: int, where: str) -> Array:
     if np.shape(values) in ((m,), (n, m)):
         return values
     raise DescriptionError(
-        f"{what} of shape {np.shape(values)} for {m} of them at {n} poses",
+        f"{what} of shape {np.shape(values)} do not fit {m} joints at {n} poses",
         where,
-        f"give an array of shape ({m},) or ({n}, {m})",
+        f"pass an array of shape ({m},) or ({n}, {m})",
     )

@@ -140,23 +140,25 @@ class Coupling:
     Attributes:
         coordinate: Name of the dependent joint coordinate.
         function: Right-hand side; constant for a fixed coordinate.
+        fixing: True for the coupling that holds the hinge of the fixed joint of the same name.
     """
 
     name: str
     coordinate: str
     function: PolynomialSum
     where: str = ""
+    fixing: bool = False
 
     def __post_init__(self) -> None:
         where, function = self.where or self.name, self.function
         if not np.isfinite([function.constant, *(x for p in function.terms.values() for x in p)]).all():
-            raise DescriptionError("the polynomial is not finite", where, "give finite numbers")
+            raise DescriptionError("the polynomial is not finite", where, "use finite numbers")
         for name, coefficients in function.terms.items():
             if not coefficients.any():
                 what = f"'{self.coordinate}' does not depend on '{name}'"
-                raise DescriptionError(what, where, "give coefficients of its powers, or leave it out")
+                raise DescriptionError(what, where, "add coefficients of its powers, or remove it")
         if self.coordinate in function.terms:
-            raise DescriptionError(f"couples '{self.coordinate}' to itself", where, "name other coordinates")
+            raise DescriptionError(f"couples '{self.coordinate}' to itself", where, "choose other coordinates")
 
     def solved(self, coordinate: str) -> Coupling:
         """Solve the coupling for a given coordinate; return it unchanged if it is not linear in that coordinate."""
@@ -168,11 +170,6 @@ class Coupling:
     def named(self) -> tuple[str, ...]:
         """Names of all coupled coordinates; the dependent coordinate comes first."""
         return self.coordinate, *self.function.terms
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fixing(Coupling):
-    """The coupling that locks the hinge of a fixed joint; it has the name of the joint."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,7 +250,7 @@ def bind(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> CouplingR
 
 def component_name(coupling: Coupling) -> str:
     """Return the name of a coupling's ``reaction`` component; it ends in ``mz`` for a fixed joint."""
-    return f"{coupling.name}.{'mz' if isinstance(coupling, Fixing) else 'coupling'}"
+    return f"{coupling.name}.{'mz' if coupling.fixing else 'coupling'}"
 
 
 def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> None:
@@ -274,8 +271,8 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
         above[coupling.coordinate] = coupling.function.terms
     for coupling in couplings:
         if around := circle(coupling.coordinate, above):
-            what = f"'{coupling.coordinate}' depends on itself, over the couplings of {', '.join(sorted(around))}"
-            raise DescriptionError(what, coupling.where, "leave one of them out")
+            what = f"'{coupling.coordinate}' depends on itself through the couplings of {', '.join(sorted(around))}"
+            raise DescriptionError(what, coupling.where, "remove one of them")
 
 
 def circle(coordinate: str, above: Mapping[str, Collection[str]]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.couplings import Coupling, Fixing, PolynomialSum
+from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.graph import check_connected
@@ -59,7 +59,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     data = read_tables(path, find)
     where = str(path)
     if "mechanism" in data:
-        raise DescriptionError("is a scene, not a mechanism", where, f"give its mechanism, {shown(data['mechanism'])}")
+        raise DescriptionError("is a scene, not a mechanism", where, f"use its mechanism, {shown(data['mechanism'])}")
     check_keys(data, _TOP, where)
     name = read_name(required(data, "name", where), f"{where}, name")
     bodies, joints = read_table(data, "bodies", where), read_table(data, "joints", where)
@@ -92,7 +92,7 @@ def read_tables(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...] 
     """Read a description and merge it into the descriptions that it extends; numbers remain strings."""
     data = read_toml(path)
     if path.resolve() in seen:
-        raise DescriptionError("extends itself", str(path), "remove the circle of 'extends'")
+        raise DescriptionError("extends itself", str(path), "remove the cycle of 'extends'")
     if "extends" not in data:
         return data
     base = find(check_text(data.pop("extends"), f"{path}, extends"))
@@ -173,14 +173,17 @@ def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) ->
             if held.coordinate in one.named:
                 raise UnknownNameError("coordinate", held.coordinate, known, one.where)
             if held.name == one.name:
-                raise DescriptionError(f"the fixed joint '{one.name}' has this name", one.where, "rename the coupling")
+                raise DescriptionError(
+                    f"the fixed joint '{one.name}' has the same name", one.where, "rename the coupling"
+                )
     return (*read, *fixed)
 
 
-def fixings(joints: Iterable[Joint]) -> tuple[Fixing, ...]:
+def fixings(joints: Iterable[Joint]) -> tuple[Coupling, ...]:
     """Build the couplings that lock fixed joints."""
     fixed = (joint for joint in joints if joint.fixed)
-    return tuple(Fixing(joint.name, joint.coordinates[0], PolynomialSum(0.0, {}), joint.where) for joint in fixed)
+    zero = PolynomialSum(0.0, {})
+    return tuple(Coupling(joint.name, joint.coordinates[0], zero, joint.where, fixing=True) for joint in fixed)
 
 
 def _coupling(name: str, table: Any, where: str) -> Coupling:
@@ -199,17 +202,17 @@ def written_polynomials(table: dict[str, Any], where: str) -> list[tuple[str, st
     if "terms" not in table:
         of, polynomial = read_text(table, "of", where, ""), required(table, "polynomial", where)
         if not of and isinstance(polynomial, list) and len(polynomial) > 1:
-            what = f"a polynomial of {len(polynomial)} coefficients, and no coordinate that it is one of"
-            raise DescriptionError(what, where, "name that one: of = ..., or give one number")
+            what = f"a polynomial of {len(polynomial)} coefficients must name the coordinate that it depends on"
+            raise DescriptionError(what, where, "add of = ..., or write one number")
         return [("polynomial", of, polynomial)]
     if beside := [key for key in ("of", "polynomial") if key in table]:
-        remedy = "give the polynomials of all coordinates in 'terms', or one by 'of' and 'polynomial'"
-        raise DescriptionError(f"has 'terms' and '{beside[0]}'", where, remedy)
+        remedy = "put the polynomials of all coordinates into 'terms', or use 'of' and 'polynomial' for a single one"
+        raise DescriptionError(f"has both 'terms' and '{beside[0]}'", where, remedy)
     terms = read_table(table, "terms", where)
     for name, polynomial in terms.items():
         if isinstance(polynomial, dict):
             what = f"'{check_text(name, f'{where}.terms')}' is followed by a dot"
-            raise DescriptionError(what, f"{where}.terms", "write names that have dots in quotes")
+            raise DescriptionError(what, f"{where}.terms", "put names with dots in quotes")
     return [(f"terms.{name}", check_text(name, f"{where}.terms"), polynomial) for name, polynomial in terms.items()]
 
 
@@ -236,7 +239,7 @@ def read_axial(table: Any, joints: Mapping[str, Any], where: str) -> tuple[str, 
     check_keys(table, {"joint", "direction"}, where)
     joint = check_name("joint", check_text(required(table, "joint", where), where), joints, where)
     if KINDS.get(str(joints[joint].get("kind"))) != (True, True, True):
-        raise DescriptionError(f"joint '{joint}' is not spherical", where, "name an S joint")
+        raise DescriptionError(f"joint '{joint}' is not spherical", where, "choose an S joint")
     return joint, unit_vector(required(table, "direction", where), where)
 
 
@@ -244,21 +247,21 @@ def _check_sides(joint: Joint, bodies: Sequence[str]) -> None:
     for side in (joint.parent, joint.child):
         check_name("body", side, bodies, joint.where)
     if joint.parent == joint.child:
-        raise DescriptionError(f"joins '{joint.parent}' to itself", joint.where, "name two bodies")
+        raise DescriptionError(f"connects '{joint.parent}' to itself", joint.where, "choose two bodies")
 
 
 def _check_names(mechanism: Mechanism, where: str) -> None:
     bodies = [body.name for body in mechanism.bodies]
-    for name, what in ((GROUND, "the fixed world"), ("environment", "who exerts the loads of a scene")):
+    for name, what in ((GROUND, "the fixed world"), ("environment", "the source of a scene's loads")):
         if name in bodies:
-            raise DescriptionError(f"'{name}' is {what}", where, "give the body another name")
+            raise DescriptionError(f"'{name}' is reserved for {what}", where, "rename the body")
     for joint in mechanism.joints:
         _check_sides(joint, [GROUND, *bodies])
     for name in mechanism.coordinates:
         if mechanism.coordinates.count(name) > 1:
-            raise DescriptionError(f"two coordinates are called '{name}'", where, "name them apart")
+            raise DescriptionError(f"two coordinates have the name '{name}'", where, "rename one")
     for label, name in mechanism.independent.items():
         read_name(label, f"{where}, independent")
         check_name("coordinate", str(name), mechanism.moving, f"{where}, independent.{label}")
     if len(set(mechanism.independent.values())) < len(mechanism.independent):
-        raise DescriptionError("one coordinate is named twice", f"{where}, independent", "name different ones")
+        raise DescriptionError("a coordinate occurs twice", f"{where}, independent", "choose different ones")

@@ -102,7 +102,7 @@ class UnknownNameError(ScrewgaugeError):
         names, besides = list(known), besides and f", or {besides}"
         text = name[:100] if isinstance(name, str) else ""
         near = get_close_matches(text, names, n=1)
-        hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: " if names else "there are none"
+        hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: " if names else "none exist"
         few = names if len(names) <= LISTED else [*get_close_matches(text, dict.fromkeys(names), NEAREST, 0.0), *names]
         listed = first_few(dict.fromkeys(few), NEAREST if len(names) > LISTED else LISTED)
         super().__init__(f"unknown {kind} {shown(name)}", where, hint + listed + besides)
@@ -126,7 +126,7 @@ def check_seed(seed: object) -> None:
         DescriptionError: The seed is not a non-negative integer.
     """
     if not (isinstance(seed, Integral) and int(seed) >= 0):
-        raise DescriptionError(f"{shown(seed)} is not a seed", "seed", "give a whole number from 0 on")
+        raise DescriptionError(f"{shown(seed)} is not a seed", "seed", "use a whole number, 0 or larger")
 
 
 def check_choice(kind: str, names: object, known: Iterable[str], where: str = "") -> list[str]:
@@ -142,7 +142,7 @@ def check_choice(kind: str, names: object, known: Iterable[str], where: str = ""
         if name not in choice:
             raise UnknownNameError(kind, name, choice, where)
     if not wanted:
-        raise DescriptionError(f"no {kind} is named", where, f"name at least one of: {', '.join(choice)}")
+        raise DescriptionError(f"no {kind} is chosen", where, f"choose at least one of: {', '.join(choice)}")
     return wanted
 
 

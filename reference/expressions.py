@@ -48,7 +48,7 @@ def _evaluate(node: ast.expr) -> float:
             function, count = _FUNCTIONS[name]
             if len(given) == count:
                 return float(function(*map(_evaluate, given)))
-    raise ValueError("only numbers, pi, deg, + - * / **, sqrt and trigonometric functions are read")
+    raise ValueError("only numbers, pi, deg, + - * / **, sqrt and trigonometric functions are allowed")
 
 
 @lru_cache(maxsize=4096)
@@ -101,7 +101,7 @@ def unit_vector(value: Any, where: str) -> Array:
     axis = vector(value, where)
     norm = float(np.linalg.norm(axis))
     if norm == 0.0:
-        raise DescriptionError("the axis is zero", where, "give a unit vector along it")
+        raise DescriptionError("the axis is zero", where, "write a unit vector")
     if abs(norm - 1.0) > 1e-12:
         raise DescriptionError(f"axis {axis.tolist()} has norm {norm:.15g}, not 1", where, "divide by its norm")
     return axis / norm
@@ -118,7 +118,7 @@ def rotation_matrix(value: Any, where: str) -> Array:
             result = result @ rotation(axis, np.array(number(step["angle"], where)))
         else:
             remedy = "write {axis = [0, 0, 1], angle = 'pi/2'}"
-            raise DescriptionError(f"rotation {shown(step)} is not understood", where, remedy)
+            raise DescriptionError(f"rotation {shown(step)} is not valid", where, remedy)
     # cos("pi/2") evaluates to 2e-16; restore intended zeros
     return np.where(np.abs(result) < 4e-16, 0.0, result)
 
@@ -128,5 +128,5 @@ def _orthonormal(rows: Any, where: str) -> Array:
         raise DescriptionError(f"{shown(rows)} is not a matrix", where, "write three rows of three numbers")
     R = np.array([vector(row, where) for row in rows])
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-12 or np.linalg.det(R) < 0.0:
-        raise DescriptionError(f"{R.tolist()} is not a rotation", where, "write orthonormal right-handed rows")
+        raise DescriptionError(f"{R.tolist()} is not a rotation", where, "use orthonormal, right-handed rows")
     return R

@@ -54,7 +54,7 @@ _DIGITS = 300
 _DECLARED = re.compile(r"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([^"']*)["']""")
 
 
-def check_count(count: float, what: str, where: str, remedy: str = "take fewer") -> None:
+def check_count(count: float, what: str, where: str, remedy: str = "use fewer") -> None:
     """Reject a count above its entry in `LIMITS`.
 
     Raises:
@@ -111,7 +111,7 @@ def read_xml(path: Path) -> str:
     text = text.lstrip() if text.lstrip().startswith("<?xml") else text  # a declaration must come first
     declared = _DECLARED.match(text)
     if declared and not _means_the_same(text, declared[1]):
-        what = f"declares the encoding {shown(declared[1])} for what is read as UTF-8"
+        what = f"declares the encoding {shown(declared[1])}, but must be UTF-8"
         raise DescriptionError(what, str(path), 'save it as UTF-8, and write encoding="UTF-8"')
     return text
 
@@ -163,7 +163,7 @@ def _open(path: Path, most: str) -> Iterator[BufferedReader]:
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
             status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):
-                raise ValueError("it is no regular file")
+                raise ValueError("it is not a regular file")
             if status.st_size > LIMITS[most] * 10**6:
                 raise ValueError(_too_large(most))
             if (read := _READ.get()) is not None:
@@ -195,7 +195,7 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
     """
     value = parse_json(read_file(path), what, str(path), remedy)
     if not isinstance(value, dict):
-        raise DescriptionError(f"is no {what}", str(path), remedy)
+        raise DescriptionError(f"is not a {what}", str(path), remedy)
     return value
 
 
@@ -204,7 +204,7 @@ def parse_json(text: str, what: str, where: str, remedy: str) -> Any:
     try:
         value = json.loads(text)
     except (ValueError, RecursionError):
-        raise DescriptionError(f"is no {what}: it is not JSON, or no program can read it", where, remedy) from None
+        raise DescriptionError(f"is not a {what}: its JSON is malformed or nested too deeply", where, remedy) from None
     check_plain(value, where)
     return value
 
@@ -223,10 +223,12 @@ def check_plain(value: Any, where: str) -> None:
         node, depth = pending.pop()
         check_count(depth, "nested entries", where, "write them flat")
         if isinstance(node, str) and (odd := _CONTROL.search(node)):
-            raise DescriptionError(f"{shown(node)} holds the control character U+{ord(odd[0]):04X}", where, "remove it")
+            raise DescriptionError(
+                f"{shown(node)} contains the control character U+{ord(odd[0]):04X}", where, "remove it"
+            )
         if isinstance(node, int) and abs(node) >= 10**_DIGITS:
-            what = f"holds a whole number of more than {_DIGITS} digits"
-            raise DescriptionError(what, where, "write one that a double can hold")
+            what = f"contains an integer of more than {_DIGITS} digits"
+            raise DescriptionError(what, where, "use a number in the range of doubles")
         inside = (*node, *node.values()) if isinstance(node, dict) else node if isinstance(node, list) else ()
         pending += [(item, depth + 1) for item in inside]
 

@@ -153,9 +153,9 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
         at = joint.where or f"{where}, joints.{joint.name}"
         if joint.name in coupled:
             what = "every joint of the loop that it closes is fixed or has a coupled coordinate"
-            raise DescriptionError(what, at, "leave one of these out")
+            raise DescriptionError(what, at, "remove one of them")
         if not joint.constrains:
-            raise DescriptionError("F joints alone make a loop", at, "remove one of them")
+            raise DescriptionError("a loop consists of F joints only", at, "remove one of them")
     reached = {GROUND, *(edge.far for edge in tree.edges)}
     for body in mechanism.bodies:
         if body.name not in reached:

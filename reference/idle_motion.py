@@ -274,7 +274,7 @@ class _Integration:
                 break
             if change <= SETTLED * scale or stalls:
                 return at, a, change, scale
-        raise _Rejected("accelerations are not found by iteration")
+        raise _Rejected("the iteration for accelerations does not converge")
 
     def _noise(self, at: ClosedMotion) -> float:
         """Estimate the change in accelerations due to rounding of poses, by closing the poses again from nearby."""
@@ -313,7 +313,7 @@ class _Integration:
         begun = self.loops.unknowns(near)
         z, _, error = newton(self.loops.evaluate, begun, y / self.unit)[:3]
         if not (error < OPEN).all() or np.abs(z - begun).max() > NEAR:
-            raise _Rejected("loops do not close near the pose before")
+            raise _Rejected("the loops do not close near the previous pose")
         return self.loops.coordinates(z, near)
 
     def _jacobian(self) -> tuple[Array, Array]:
@@ -335,9 +335,9 @@ class _Integration:
         if at.condition[0] > nearly:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
         if at.idle_reluctance[0] > nearly:
-            return "what is given and what follows move against each other there, so that forces do not determine it"
+            return "the forces do not determine it there, next to the given coordinates"
         speed = np.abs(self.yd / self.unit[self.idle]) / max(self.floor, 1.0) ** 0.5
-        return f"it runs away, at {np.abs(self.yd).max():.3g} rad/s or m/s" if speed.max() > RUNAWAY else ""
+        return f"it diverges, reaching {np.abs(self.yd).max():.3g} rad/s or m/s" if speed.max() > RUNAWAY else ""
 
     def _broken_off(self, reason: str) -> ScrewgaugeError:
         mechanism = self.motion.mechanism
@@ -347,7 +347,7 @@ class _Integration:
         return SingularPoseError(
             f"the motion of {names}, which no actuator drives, breaks off at {where}: {reason}",
             f"t = {self.begin:g} s",
-            "shorten the motion, or give what breaks off a motion of its own",
+            "shorten the motion, or give these coordinates a motion",
         )
 
 

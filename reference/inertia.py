@@ -58,9 +58,9 @@ def settled(
     if completed:
         sentences.append(
             f"one moment of inertia is enough for {first_few(completed, SHOWN)}, which turn about one direction only, "
-            "as in a planar machine: those across it have no effect, and are raised to the least that a body can have"
+            "as in a planar machine: moments about other axes have no effect and are raised to the least possible ones"
         )
-    sentences += (f"allow names {name}.{TRIANGLE}, which admits nothing" for name in sorted(excused - {*excesses}))
+    sentences += (f"allow names {name}.{TRIANGLE}, which has no effect" for name in sorted(excused - {*excesses}))
     return tuple(found), tuple(sentences)
 
 
@@ -115,9 +115,13 @@ def _refusal(
     what = f"principal moments {moments} kg m^2 violate the triangle inequality by {excess:.3g}"
     if normals is not None:
         axis = np.round(normals[0], 6) + 0.0
-        remedy = f"it turns about {axis.tolist()} of its axes only, give the moment about that alone"
+        remedy = f"it turns about its axis {axis.tolist()} only: write just the moment about that axis"
     elif body.name in normals_of_planes(joints, couplings, MEANT):
-        remedy = "one moment is enough where axes are parallel, and those of its joints nearly are; write them in full"
+        remedy = (
+            "one moment is enough if the joint axes are parallel, and these nearly are: write their components in full"
+        )
     else:
-        remedy = "no body of positive mass has them, and it turns about more than one direction; check the tensor"
-    return DescriptionError(what, body.where, f"{remedy}, or allow what is refused: allow = [{names}]")
+        remedy = (
+            "check the tensor: no body of positive mass has such moments, and this one turns about more than one axis"
+        )
+    return DescriptionError(what, body.where, f"{remedy}, or accept the tensor: allow = [{names}]")

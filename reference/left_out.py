@@ -138,7 +138,7 @@ def _entry(table: Any, where: str, known: Mapping[str, Collection[str]]) -> Left
     kind = next((kind for kind in _READERS if isinstance(table, dict) and kind <= table.keys()), None)
     if kind is None:
         keys = ", ".join(" with ".join(sorted(one)) for one in _READERS)
-        raise DescriptionError("an entry acts on nothing that is known", where, f"give it one of: {keys}")
+        raise DescriptionError("an entry must name what it acts on", where, f"add one of: {keys}")
     further, read = _READERS[kind]
     check_keys(table, {"of", *kind, *further}, where)
     return read(table, f"{where}, {read_text(table, 'of', where)}", known)

@@ -64,15 +64,6 @@ class Solid:
     span: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Hinge:
-    """An uncoupled angle with `home` and `limits` [rad]."""
-
-    name: str
-    home: float
-    limits: tuple[float, float]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Suspicion:
     """A suspicious entry of a description.
@@ -122,7 +113,14 @@ def _spread(mechanism: Mechanism, places: Iterable[tuple[str, Array]]) -> float:
 
 def implausible(mechanism: Mechanism) -> tuple[str, ...]:
     """Warn about implausible bodies and joints."""
-    return (*of_bodies([*solids(mechanism)]), *too_far(hinges(mechanism)))
+    return (
+        *of_bodies([*solids(mechanism)]),
+        *(
+            text
+            for joint, i in hinges(mechanism)
+            for text in too_far(joint.coordinates[i], joint.home[i], joint.limits[i])
+        ),
+    )
 
 
 def of_bodies(bodies: Sequence[Solid]) -> tuple[str, ...]:
@@ -150,12 +148,10 @@ def _too_dense(body: Solid) -> str:
         return ""
     denser = share**-1.5
     heavy = body.mass > HEAVY and share * 1e5 > LEAST  # the ratio scales with mass^(-5/3)
-    likely = (
-        "likely g were meant: multiply the mass by 0.001" if heavy else "a placeholder: write the tensor of the body"
-    )
+    likely = "likely g: multiply the mass by 0.001" if heavy else "a placeholder: replace it by the tensor of the body"
     return (
-        f"{body.name}: {body.mass:.4g} kg on a radius of gyration of {1e3 * radius:.3g} mm are {denser:.2g} times as "
-        f"dense as osmium, in a body about {body.size:.2g} m large ({likely})"
+        f"{body.name}: {body.mass:.4g} kg with a radius of gyration of {1e3 * radius:.3g} mm are {denser:.2g} times as "
+        f"dense as osmium, for a body about {body.size:.2g} m in size ({likely})"
     )
 
 
@@ -166,8 +162,8 @@ def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
         return ()
     names, mass = first_few([one.name for one in long], SHOWN), sum(one.mass for one in long)
     return (
-        f"{names}: {mass:.4g} kg reach over up to {max(one.span for one in long):.3g} m, as no machine does; likely "
-        "millimetres were meant: multiply lengths by 0.001 and moments of inertia by 1e-6",
+        f"{names}: {mass:.4g} kg span up to {max(one.span for one in long):.3g} m, more than any machine; likely "
+        "millimetres: multiply lengths by 0.001 and moments of inertia by 1e-6",
     )
 
 
@@ -223,38 +219,36 @@ def too_wide(body: Solid) -> str:
     shares = {unit: radius * factor**0.5 / body.size for unit, factor in UNITS.items()}
     meant = [unit for unit, share in shares.items() if USUAL[0] <= share <= USUAL[1]]
     alike = "a placeholder, or " if np.ptp(moments) < 1e-9 * moments[-1] else ""
-    likely = f"{alike}likely {' or '.join(meant)} meant" if meant else "no usual unit explains it"
+    likely = f"{alike}likely in {' or '.join(meant)}" if meant else "no usual unit explains it"
     return (
-        f"{body.name}: a moment of inertia of {moments[-1]:.4g} kg m^2 on {body.mass:.4g} kg is a radius of gyration "
-        f"of {radius:.3g} m, of a body about {body.size:.2g} m large, and makes it lighter than air ({likely})"
+        f"{body.name}: a moment of inertia of {moments[-1]:.4g} kg m^2 at {body.mass:.4g} kg means a radius of "
+        f"gyration of {radius:.3g} m, for a body about {body.size:.2g} m in size, and makes it lighter than air "
+        f"({likely})"
     )
 
 
-def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
-    """Yield the angles of a mechanism, except angles of gears, screws and free bodies."""
+def hinges(mechanism: Mechanism) -> Iterator[tuple[Joint, int]]:
+    """Yield the uncoupled angles of a mechanism: joint, and index of the coordinate in the joint."""
     tied = {name for one in mechanism.couplings for name in one.named}
-    for joint in mechanism.joints:
-        for (turns, _), name, home, (low, high) in zip(
-            joint.freedoms, joint.coordinates, joint.home, joint.limits, strict=True
-        ):
-            if turns and name not in tied and joint.constrains:
-                yield Hinge(name, float(home), (float(low), float(high)))
+    for joint in (joint for joint in mechanism.joints if joint.constrains):
+        yield from (
+            (joint, i) for i, (turns, _) in enumerate(joint.freedoms) if turns and joint.coordinates[i] not in tied
+        )
 
 
-def too_far(angles: Iterable[Hinge]) -> Iterator[str]:
-    """Warn about hinges whose home or limits are several turns from zero, as if they were given in degrees."""
-    for one in angles:
-        far = [x for x in one.limits if TURNED < abs(x) <= DEGREES and not float(np.log10(abs(x))).is_integer()]
-        if far:
-            yield f"{one.name}: {in_degrees('a limit', max(far, key=lambda x: (abs(x), x)))}"
-        if 2.0 * np.pi < abs(one.home) <= DEGREES:
-            yield f"{one.name}: {in_degrees('a home', one.home)}"
+def too_far(name: str, home: float, limits: Iterable[float]) -> Iterator[str]:
+    """Warn about a home or limit [rad] that is likely in degrees."""
+    far = [x for x in limits if TURNED < abs(x) <= DEGREES and not float(np.log10(abs(x))).is_integer()]
+    if far:
+        yield f"{name}: {in_degrees('a limit', max(far, key=lambda x: (abs(x), x)))}"
+    if 2.0 * np.pi < abs(home) <= DEGREES:
+        yield f"{name}: {in_degrees('a home', home)}"
 
 
 def in_degrees(what: str, angle: float) -> str:
     """Format an angle [rad], and the value that it has if degrees were meant."""
     turns, less = abs(angle) / (2.0 * np.pi), np.radians(angle)
-    return f"{what} of {angle:.4g} rad is {turns:.3g} turns; likely degrees were meant, {less:.3g} rad"
+    return f"{what} of {angle:.4g} rad is {turns:.3g} turns; likely degrees, {less:.3g} rad"
 
 
 def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
@@ -278,7 +272,7 @@ def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator
     """Warn about a body with the given joints; `extent` is the extent of all joints [m]."""
     name, points = body.name, [end.frame.p for end in its]
     if body.mass == 0.0:
-        yield f"{name} has no mass of its own"
+        yield f"{name} has no mass"
         return
     spread = widest(points)
     away = min((_distance(body.com, a, b) for a in points for b in points), default=0.0)
@@ -294,7 +288,7 @@ def _warn_of_ball(body: Body) -> str:
     moments = np.linalg.eigvalsh(body.inertia)
     if not (moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]):
         return ""
-    return f"{body.name} has {moments[0]:.3g} kg m^2 about every axis, as a ball or a placeholder has it"
+    return f"{body.name} has {moments[0]:.3g} kg m^2 about every axis, like a ball or a placeholder"
 
 
 def _distance(p: Array, a: Array, b: Array) -> float:
@@ -310,7 +304,7 @@ def _warn_of_axes(a: _End, b: _End, unit: float, *, few: bool) -> str:
     sine, cosine = float(np.linalg.norm(normal)), abs(float(a.axis @ b.axis))
     for off, what in ((sine, "parallel"), (cosine, "at right angles")):
         if ROUNDING < off < ANGLE:
-            return f"the axes of {names} are {what} but for {off:.2g} rad"
+            return f"the axes of {names} are {what} except for {off:.2g} rad"
     if not (a.turns and b.turns):
         return ""
     if sine <= ROUNDING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from screwgauge.reference.couplings import Coupling, CouplingRows, Fixing, bind, check_couplings
+from screwgauge.reference.couplings import Coupling, CouplingRows, bind, check_couplings
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.resistance import RESISTS, Resistance, amounts, resistances
 from screwgauge.reference.rotations import Array, across
@@ -29,7 +29,7 @@ SLACK = 1e-12
 #: Composite joints are serial: the preceding degrees of freedom carry each axis, and all axes meet in the origin of the
 #: joint. E slides in a plane and turns about its normal. F is unconstrained and assigns coordinates to a pose: x, y and
 #: z in the parent's frame, then three angles. A fixed joint is a hinge about axis z of its frame that a
-#: `couplings.Fixing` locks. `equations.joint_types` has the mechanics of each kind.
+#: `Coupling` locks. `equations.joint_types` has the mechanics of each kind.
 KINDS: dict[str, tuple[bool, ...]] = {
     "R": (True,),
     "P": (False,),
@@ -79,12 +79,12 @@ class Body:
         where = self.where or self.name
         if not self.mass >= 0.0:
             what = f"mass {self.mass:g} kg is not positive"
-            raise DescriptionError(what, where, "give a positive mass, or 0 to a body without mass")
+            raise DescriptionError(what, where, "use a positive mass, or 0 for a massless body")
         if not (np.isfinite(self.inertia).all() and np.isfinite([self.mass, *self.com]).all()):
-            raise DescriptionError("mass, com or inertia is not finite", where, "give finite numbers")
+            raise DescriptionError("mass, com or inertia is not finite", where, "use finite numbers")
         if self.mass == 0.0 and (self.inertia.any() or self.com.any()):
-            what = "a body without mass has an inertia or a centre of mass"
-            raise DescriptionError(what, where, "give it mass, or leave inertia and com out")
+            what = "a massless body has an inertia or a centre of mass"
+            raise DescriptionError(what, where, "add a mass, or remove inertia and com")
         moments = np.linalg.eigvalsh(self.inertia)
         slack = SLACK * max(float(np.trace(self.inertia)), 0.0)
         if moments[0] < -slack:
@@ -92,7 +92,9 @@ class Body:
             raise DescriptionError(what, where, "check the signs of the products of inertia")
         if (excess := triangle_excess(self.inertia)) and not self.allowed:
             what = f"principal moments {moments.tolist()} kg m^2 violate the triangle inequality by {excess:.3g}"
-            raise DescriptionError(what, where, "no body of positive mass has them; check the tensor and its axes")
+            raise DescriptionError(
+                what, where, "check the tensor and its axes: no body of positive mass has such moments"
+            )
 
 
 def triangle_excess(inertia: Array) -> float:
@@ -195,12 +197,12 @@ class Joint:
             raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
         if self.held and (self.constrains or not {*self.held} <= {*self.coordinates}):
             what = f"{', '.join(self.held)} cannot be held"
-            raise DescriptionError(what, where, "hold coordinates of an F joint, by its own names")
+            raise DescriptionError(what, where, "choose coordinates of an F joint, by the names in the joint")
         if len(self.axes) > 1:
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
                 what = "the axes of a composite joint are not orthogonal"
-                raise DescriptionError(what, where, "write it as R joints instead")
+                raise DescriptionError(what, where, "use R joints instead")
 
 
 @lru_cache(maxsize=4096)
@@ -264,7 +266,7 @@ class Mechanism:
         check_couplings(self.couplings, self.coordinates)
 
     def __repr__(self) -> str:
-        told = [coupling for coupling in self.couplings if not isinstance(coupling, Fixing)]
+        told = [coupling for coupling in self.couplings if not coupling.fixing]
         drives = zip(self.actuator_names, self.actuator_units, strict=True)
         parts: dict[tuple[str, int], list[str]] = {
             ("bodies", len(self.bodies)): [f"{body.name} {body.mass:.4g} kg" for body in self.bodies],

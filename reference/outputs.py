@@ -66,7 +66,7 @@ def replace_file(path: Path, content: str | bytes) -> None:
         finally:
             temporary.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
-        raise OutputError(f"cannot be written ({why(error)})", str(named), "name another file") from error
+        raise OutputError(f"cannot be written ({why(error)})", str(named), "choose another file") from error
 
 
 def stamped(text: str) -> str:
@@ -124,9 +124,9 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
     if force or not os.path.lexists(path):
         return
     if any(_same(path, Path(name)) for name in inputs):
-        raise OutputError("is what the command reads", str(path), _other_file())
+        raise OutputError("is an input of the command", str(path), _other_file())
     if not is_as_written(path):
-        what = "is there, and nothing in it proves that screwgauge wrote it as it is"
+        what = "already exists and nothing in it proves that it is an unmodified output of screwgauge"
         raise OutputError(what, str(path), _other_file())
 
 
@@ -138,22 +138,22 @@ def check_place(path: Path) -> None:
     """
     try:
         if path.exists() and not path.is_file():
-            what = "is a folder" if path.is_dir() else "is no regular file"
-            raise OutputError(what, str(path), "name a file")
+            what = "is a folder" if path.is_dir() else "is not a regular file"
+            raise OutputError(what, str(path), "choose a file name")
         home = next(folder for folder in path.absolute().parents if folder.exists())
         if not (home.is_dir() and os.access(home, os.W_OK | os.X_OK)):
-            raise PermissionError(errno.EACCES, f"{home} is no folder, or not yours to write")
+            raise PermissionError(errno.EACCES, f"{home} is not a folder that you can write to")
     except (OSError, ValueError) as error:  # the path is too long or contains a null byte
-        raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from None
+        raise OutputError(f"cannot be written ({why(error)})", str(path), "choose another file") from None
 
 
 def overwriting() -> str:
-    """Return how this caller overwrites a file: ``overwrite it by --force``."""
-    return f"overwrite it by {OVERWRITING.get()}"
+    """Return how this caller overwrites a file: ``overwrite it with --force``."""
+    return f"overwrite it with {OVERWRITING.get()}"
 
 
 def _other_file() -> str:
-    return f"name another file, or {overwriting()}"
+    return f"choose another file, or {overwriting()}"
 
 
 def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:
@@ -169,11 +169,11 @@ def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) 
     writers = dict[tuple[int, int] | str, str]()
     for name, path in outputs.items():
         if (other := writers.setdefault(_node(path) or os.path.realpath(path), name)) is not name:
-            raise OutputError(f"is what both {other} and {name} write", str(path), "name two files")
+            raise OutputError(f"is an output of both {other} and {name}", str(path), "choose two files")
     there = any(isinstance(place, tuple) for place in writers)
     for file in inputs if there else ():
         if (node := _node(Path(file))) in writers:
-            raise OutputError(f"is what the command reads, and what {writers[node]} writes", str(file), _other_file())
+            raise OutputError(f"is an input of the command and the output of {writers[node]}", str(file), _other_file())
 
 
 def _node(path: Path) -> tuple[int, int] | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import partial
 from typing import Any, TypeVar
@@ -137,7 +137,7 @@ def _matching(known: Mapping[str, float], pattern: str, where: str) -> list[str]
     wanted = _as_written(pattern)
     names = [name for name in known if wanted in (name, _short(name))]
     if len(names) > 1:
-        what = f"'{pattern}' stands for {first_few(names, NAMED)}"
+        what = f"'{pattern}' is ambiguous: {first_few(names, NAMED)}"
         raise DescriptionError(what, where, "write the whole name")
     names = names or [name for name in known if any(fnmatchcase(one, wanted) for one in (name, _short(name)))]
     if not names:
@@ -169,37 +169,25 @@ def changed_to(rule: Any, value: float, where: str) -> float:
     return number(re.sub(r"(?<![a-z0-9_])x(?![a-z0-9_])", f"({value!r})", product), where)
 
 
-@dataclass(frozen=True, slots=True)
-class Subject:
-    """A mechanism and applied forces, whose parameters can be read and changed."""
+def mechanism_with(mechanism: Mechanism, values: Numbers, *, symbolic: bool = False) -> Mechanism:
+    """Replace numbers of a mechanism.
 
-    mechanism: Mechanism
-    applied: Applied
+    Args:
+        symbolic: Whether values are nodes of a trace or arrays, which no check can read. Shape (...).
 
-    @property
-    def numbers(self) -> dict[str, float]:
-        return numbers(self.mechanism, self.applied)
-
-    def with_numbers(self, values: Numbers, *, symbolic: bool = False) -> Subject:
-        """Replace parameters.
-
-        Args:
-            symbolic: True if values are nodes of a trace or arrays, shape (...), which cannot be checked.
-
-        Raises:
-            DescriptionError: A body, joint or spring cannot have these values.
-        """
-        make = unchecked if symbolic else replace
-        get = partial(_value, values, symbolic)
-        bodies = tuple(_body(body, get, make) for body in self.mechanism.bodies)
-        joints = tuple(_joint(joint, get, make) for joint in self.mechanism.joints)
-        mechanism, applied = self.mechanism, self.applied
-        if symbolic:
-            mechanism = unchecked(mechanism, bodies=bodies, joints=joints)
-            _forget(mechanism, home=self.mechanism.home, bodies=bodies)
-        elif any(a is not b for a, b in zip((*bodies, *joints), (*mechanism.bodies, *mechanism.joints), strict=True)):
-            mechanism = replace(mechanism, bodies=bodies, joints=joints)
-        return Subject(mechanism, _applied(applied, get, make))
+    Raises:
+        DescriptionError: A body or joint cannot have them.
+    """
+    make, get = unchecked if symbolic else replace, partial(_value, values, symbolic)
+    bodies = tuple(_body(body, get, make) for body in mechanism.bodies)
+    joints = tuple(_joint(joint, get, make) for joint in mechanism.joints)
+    if symbolic:
+        made: Mechanism = unchecked(mechanism, bodies=bodies, joints=joints)
+        _forget(made, home=mechanism.home, bodies=bodies)
+        return made
+    if any(a is not b for a, b in zip((*bodies, *joints), (*mechanism.bodies, *mechanism.joints), strict=True)):
+        return replace(mechanism, bodies=bodies, joints=joints)
+    return mechanism
 
 
 def unchecked(item: Any, **changes: Any) -> Any:
@@ -280,7 +268,13 @@ def _boxed(x: Any) -> Array:
     return box
 
 
-def _applied(applied: Applied, get: Get, make: Callable[..., Any]) -> Applied:
+def applied_with(applied: Applied, values: Numbers, *, symbolic: bool = False) -> Applied:
+    """Replace numbers of applied forces, see `mechanism_with`.
+
+    Raises:
+        DescriptionError: A spring cannot have them.
+    """
+    make, get = unchecked if symbolic else replace, partial(_value, values, symbolic)
     loads = tuple(
         _with(load, {what: get(f"loads.{i}.{what}", getattr(load, what)) for what in ("force", "torque")}, make)
         for i, load in enumerate(applied.loads, 1)

@@ -87,5 +87,5 @@ def amounts(what: str, given: Array, n: int, where: str) -> Array:
     """
     each = given if len(given) else np.zeros(n)
     if len(each) != n or not (np.isfinite(each) & (each >= 0.0)).all():
-        raise DescriptionError(f"{what} is {each.tolist()}", where, f"give {n} finite numbers, zero or more")
+        raise DescriptionError(f"{what} is {each.tolist()}", where, f"use {n} finite numbers, zero or more")
     return each

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.reference.couplings import Fixing
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 
@@ -32,7 +31,7 @@ def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
         whole, frame = places[body.name]
         parts.setdefault(whole, []).append(_place(body, frame))
     parts.pop(GROUND, None)
-    couplings = tuple(one for one in mechanism.couplings if not isinstance(one, Fixing))
+    couplings = tuple(one for one in mechanism.couplings if not one.fixing)
     axial = mechanism.axial
     if axial is not None:
         axial = axial[0], places[mechanism.joint(axial[0]).child][1].R @ axial[1]

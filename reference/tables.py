@@ -37,9 +37,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         data = tomllib.loads(text, parse_float=str)
     except tomllib.TOMLDecodeError as error:
-        raise DescriptionError(f"TOML syntax error: {error}", str(path), "mend that line") from None
+        raise DescriptionError(f"TOML syntax error: {error}", str(path), "correct that line") from None
     except (ValueError, RecursionError):  # integers with thousands of digits, deeply nested lists
-        raise DescriptionError("holds what TOML readers refuse to read", str(path), "simplify it") from None
+        raise DescriptionError(
+            "contains an integer too long or lists too deep for TOML readers", str(path), "simplify it"
+        ) from None
     check_plain(data, str(path))
     return data
 
@@ -152,7 +154,7 @@ def read_vector(table: dict[str, Any], key: str, where: str) -> Array:
     return vector(table.get(key, [0, 0, 0]), f"{where}.{key}")
 
 
-def positive(value: Any, where: str, remedy: str = "give a positive number") -> float:
+def positive(value: Any, where: str, remedy: str = "use a positive number") -> float:
     """Read a positive number."""
     result = number(value, where)
     if result <= 0.0:

@@ -145,12 +145,12 @@ def test_an_engine_that_exits_is_a_row(how, stand_in, scene):
 @pytest.mark.slow
 def test_what_one_engine_gives_alone_is_said_to_be_compared_with_none(scene):
     results = screwgauge.run(scene, engines=["pinocchio", "mujoco-full"], quantities=["tree_force", "actuator_force"])
-    alone = "Compared with no other engine: tree_force of pinocchio. Compared with no other engine: tree_force of"
-    assert f"{alone} mujoco-full." in " ".join(repr(results).split())
+    said = " ".join(repr(results).split())
+    assert all(f"Not compared: tree_force of {name}," in said for name in ("pinocchio", "mujoco-full"))
     both = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["tree_force", "actuator_force"])
     assert "no other engine" not in repr(both)
 
 
 def test_no_times_are_said_to_be_none(scene):
-    with pytest.raises(ScrewgaugeError, match="there are no times; give"):
+    with pytest.raises(ScrewgaugeError, match="the list of times is empty; add"):
         scene.at([])

@@ -160,7 +160,7 @@ def test_columns_that_are_no_derivatives_get_a_warning(csv_scene):
 
     assert told() == []
     assert told(b=t * 0.0 + 1e-17) == []
-    assert [s.partition(" (")[0] for s in told(add=-columns["add"])] == ["motion.csv: add is no derivative of ad"]
+    assert [s.partition(" (")[0] for s in told(add=-columns["add"])] == ["motion.csv: add is not the derivative of ad"]
     (said,) = told(ad=np.rad2deg(columns["ad"]), add=np.rad2deg(columns["add"]))
     assert all(fact in said for fact in ("motion.csv: ad ", " of a ", "5.57 off", "by 0.0997", "check units"))
 
@@ -175,7 +175,7 @@ def test_labels_whose_derivatives_collide_are_refused_in_a_csv(write, changed_sc
 @pytest.mark.parametrize("times", [[0.05], [0, 0.2], [-1], [0.3, 0.4], [1e300]])
 def test_times_that_a_csv_does_not_have_are_refused(times, csv_scene):
     scene = load_scene(csv_scene(GOOD_CSV))
-    with pytest.raises(ScrewgaugeError, match=r"motion\.csv: .* at t = .* s; .*none are interpolated"):
+    with pytest.raises(ScrewgaugeError, match=r"motion\.csv: .* at t = .* s; .*not interpolated"):
         scene.at(times)
 
 

@@ -14,7 +14,7 @@ from screwgauge.environment import json_text
 from screwgauge.report.console import SIGNS, complain, console, mark, say
 from support.command import main
 from support.errors import OutputError
-from support.pages import Banner, Items, Paragraph, Table, terminal
+from support.pages import Banner, Items, Table, Text, terminal
 
 LIST = [sys.executable, "-m", "screwgauge.cli", "list", "quantities"]
 STOP = "import os, signal\nfrom screwgauge import commands, cli\n"
@@ -59,11 +59,11 @@ def obeyed(printed: str) -> list[str]:
 def test_no_name_in_the_output_is_a_command_to_a_ci_service(name, capsys, command):
     texts = [f"{'x' * length} {name}" for length in range(80, 102)]
     blocks = [
-        Paragraph(name),
+        Text(name),
         Banner(name),
         Items(tuple(texts)),
         Table(("", name), ((name, name * 9),)),
-        *map(Paragraph, texts),
+        *map(Text, texts),
     ]
     say(name)
     complain(name)
@@ -136,7 +136,7 @@ def test_what_nobody_foresaw_is_one_sentence_and_exit_3(error, command, capfd):
     assert command(work) == 3
     said = capfd.readouterr().err
     assert said.startswith("screwgauge: this should not")
-    assert said.endswith("run it again with --debug and report what that shows.\n")
+    assert said.endswith("run the command again with --debug and report the traceback.\n")
     assert said.count("\n") == 1
     assert command(work, "--debug") == 3
     assert "Traceback" in capfd.readouterr().err

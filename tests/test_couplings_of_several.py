@@ -227,8 +227,8 @@ GIVEN_TERMS = "terms = { motor = [0.06, 1], hip = [0.04, -1] }"
 @pytest.mark.parametrize(
     ("instead", "said"),
     [
-        ('terms = { motor = [0, 1] }\nof = "hip"', "has 'terms' and 'of'"),
-        ("terms = { motor = [0, 1] }\npolynomial = [0]", "has 'terms' and 'polynomial'"),
+        ('terms = { motor = [0, 1] }\nof = "hip"', "has both 'terms' and 'of'"),
+        ("terms = { motor = [0, 1] }\npolynomial = [0]", "has both 'terms' and 'polynomial'"),
         ("terms = {}", "'terms' has no entries"),
         ("terms = { motor = [0, 1], hop = [0, 1] }", "'hop'; did you mean 'hip'"),
         ("terms = { motor = [0, 1], hip = [1] }", "'knee' does not depend on 'hip'"),

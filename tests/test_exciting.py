@@ -80,7 +80,9 @@ def test_it_is_as_large_as_limits_let_it_be(write):
     assert 0.1 < near.max() < 0.3
     assert near.min() > -0.2
     write("limited.toml", LIMITED.format(low=0.0))
-    with pytest.raises(DescriptionError, match=r"off singular poses: it would leave the limits of 'crank' \(\[0, "):
+    with pytest.raises(
+        DescriptionError, match=r"away from singular poses: it would exceed the limits of 'crank' \(\[0, "
+    ):
         exciting(screwgauge.load_scene(write("scene.toml", text)))
 
 
@@ -94,7 +96,7 @@ def test_samples_of_a_file_are_replaced(write):
 
 def test_a_simulation_and_a_seed_for_nothing_are_refused(refused):
     said = refused("run", "a01-pendulum", "--exciting")
-    assert all(fact in said for fact in ("a01-pendulum: ", "integrated", "run it as it is"))
+    assert all(fact in said for fact in ("a01-pendulum: ", "integrated", "run the scene with its own motion"))
     assert "--seed applies only" in refused("run", "bennett", "--seed", "1")
 
 

@@ -76,10 +76,10 @@ def test_several_figures_are_no_file(results, tmp_path):
 @pytest.mark.parametrize(
     ("style", "said"),
     [
-        ({"width": "8.5"}, "'8.5' is no width"),
-        ({"width": "9km"}, "'9km' is no width"),
-        ({"width": 8}, "8 is no width"),
-        ({"width": "900cm"}, "is no width"),
+        ({"width": "8.5"}, "'8.5' is not a width"),
+        ({"width": "9km"}, "'9km' is not a width"),
+        ({"width": 8}, "8 is not a width"),
+        ({"width": "900cm"}, "is not a width"),
         ({"font": "No Such Font"}, "'No Such Font' is not installed"),
         ({"font": 'a"/><script/>'}, "is not installed"),
         ({"size": 0.0}, "letters of 0.0 pt"),

@@ -120,7 +120,7 @@ def test_bad_springs_and_forces_are_said(pendulum):
         PointSpring("ground", zero, "bob", zero, damping=float("nan"))
     with pytest.raises(DescriptionError, match="rest length -1 m is negative"):
         PointSpring("ground", zero, "bob", zero, rest=-1.0)
-    with pytest.raises(DescriptionError, match="joins a body to itself"):
+    with pytest.raises(DescriptionError, match="connects a body to itself"):
         PointSpring("bob", zero, "bob", zero)
     with pytest.raises(UnknownNameError, match="unknown coordinate 'c'"):
         under(pendulum, Applied(springs=(JointSpring("c", 1.0),)))
@@ -129,7 +129,7 @@ def test_bad_springs_and_forces_are_said(pendulum):
     meeting = under(pendulum, Applied(springs=(PointSpring("ground", zero, "upper", zero, 1.0),)))
     with pytest.raises(SingularPoseError, match="its points meet"):
         meeting.check()
-    with pytest.raises(DescriptionError, match=r"shape \(3,\) for 2 of them at 3"):
+    with pytest.raises(DescriptionError, match=r"shape \(3,\) do not fit 2 joints at 3"):
         under(pendulum, actuators=np.zeros(3))
 
 

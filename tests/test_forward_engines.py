@@ -54,7 +54,7 @@ UNTIL = {
 def scene_of(name: str, until: float = 1.0, **applied: object) -> tuple[Scene, np.ndarray]:
     scene = screwgauge.load_scene(name)
     rows = np.flatnonzero(scene.known.t <= until)[::10]
-    return scene.at(scene.known.t[rows]).under(**applied), scene.known.values[rows]
+    return scene.at(scene.known.t[rows]).under(**applied), scene.known.array[rows]
 
 
 @pytest.mark.sampled(3)

@@ -33,7 +33,7 @@ def error(name, until, engine, **stepper):
     scene = scene.at(scene.known.t[rows])
     found = simulate_scene(engine, scene, **stepper)
     values = observe(layout(scene.mechanism), scene.observables, found.q).array
-    return np.abs(values - scene.known.values[rows[: len(values)]]).max(), found
+    return np.abs(values - scene.known.array[rows[: len(values)]]).max(), found
 
 
 def order(name, until, steps, **stepper):

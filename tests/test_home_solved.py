@@ -219,7 +219,7 @@ def test_import_does_not_overwrite_the_description(more, four_bar, inside, capfd
     path = four_bar()
     text = path.read_text()
     assert main(["import", "four-bar.toml", *more]) == 2
-    assert "overwrite it by --force" in capfd.readouterr().err
+    assert "overwrite it with --force" in capfd.readouterr().err
     assert path.read_text() == text
     assert [*inside.iterdir()] == [path]
 

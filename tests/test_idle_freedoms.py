@@ -129,14 +129,14 @@ def test_motion_is_that_under_the_forces_that_act(cart):
 def test_other_times_leave_the_start_where_it_was(cart):
     scene = cart()
     np.testing.assert_allclose(scene.at([1.0, 1.5]).motion.y, scene.motion.y[[20, 30]], rtol=1e-14)
-    with pytest.raises(DescriptionError, match="starts at t = 0 s"):
+    with pytest.raises(DescriptionError, match="coordinates without an actuator start at t = 0 s"):
         scene.at([-0.5, 1.0])
 
 
 @pytest.mark.parametrize(
     ("old", "new", "match"),
     [
-        ("idle.angle = { rate = 0 }", "idle.cart = { rate = 0 }", "'cart' has a motion"),
+        ("idle.angle = { rate = 0 }", "idle.cart = { rate = 0 }", "'cart' also has a motion"),
         ("idle.angle = { rate = 0 }", "idle.pole = { rate = 0 }", "pole"),
         ("idle.angle = { rate = 0 }", "idle.angle = { speed = 0 }", "speed"),
         ("motion.cart", "motion.angle", "'cart' is missing"),
@@ -149,7 +149,7 @@ def test_what_does_not_fit_is_refused(cart, old, new, match):
 
 def test_forces_of_a_motion_that_nothing_drives_are_refused_with_a_way_out(cart):
     scene = cart(("idle.angle = { rate = 0 }", "motion.angle.offset = 0.5"))
-    with pytest.raises(DescriptionError, match=r"leave 'angle' out of \[motion\]"):
+    with pytest.raises(DescriptionError, match=r"remove 'angle' from \[motion\]"):
         screwgauge.run(scene, quantities=["actuator_force"])
 
 

@@ -24,7 +24,7 @@ FOOT = data("ankle-foot.toml")
 LEG = data("ankle-leg.toml")
 SIDES = {1: 0.05, 2: -0.05}
 AXES = {"S": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "U": [[1, 0, 0], [0, 1, 0]]}
-MATTERS = "does not matter"
+MATTERS = "do not depend on it"
 HELD = "motion.roll.offset = 0.1\nmotion.pitch.offset = -0.2\n"
 MOVED = "motion.roll.harmonics = [[10, 0, 0.15]]\nmotion.pitch.harmonics = [[8, 0, 0.25]]\n"
 

@@ -35,8 +35,8 @@ def test_a_byte_order_mark_is_no_part_of_the_text(name, folder):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda path: os.mkfifo(path), "(it is no regular file)"),
-        (lambda path: path.symlink_to("/dev/zero"), "(it is no regular file)"),
+        (lambda path: os.mkfifo(path), "(it is not a regular file)"),
+        (lambda path: path.symlink_to("/dev/zero"), "(it is not a regular file)"),
         (lambda path: path.mkdir(), "(is a directory)"),
         (lambda path: None, "(it does not exist)"),
         (lambda path: path.symlink_to(path), "(too many levels of symbolic links)"),
@@ -90,7 +90,7 @@ def test_the_users_own_folder_is_known_in_every_path(folder, monkeypatch):
 @pytest.mark.parametrize("character", ["\\u001b[2J", "\\u0000", "\\u009b", "\\u007f", "\\b"])
 def test_control_characters_are_refused(key, character, folder):
     (folder / "scene.toml").write_text(f'title = "{character}"\n{SCENE}', encoding="utf-8")
-    with pytest.raises(DescriptionError, match=r"holds the control character U\+00"):
+    with pytest.raises(DescriptionError, match=r"contains the control character U\+00"):
         load_scene(folder / "scene.toml")
 
 
@@ -122,7 +122,7 @@ def test_a_csv_with_too_many_columns_is_refused(folder):
     [
         ("0,0,0,0\n" + "," * 1_000_000, "1e+06 CSV columns, more than 1000"),
         ("," * 1_000_000, "1e+06 CSV columns, more than 1000"),
-        ('"\n",' * 100_000, "a text in quotes goes over several lines"),
+        ('"\n",' * 100_000, "a quoted text spans several lines"),
         ("0,0,0,0,0\n", "the rows have more fields than the header"),
     ],
 )

@@ -189,7 +189,7 @@ def test_a_log_of_a_machine_with_rotors_is_right_and_the_rotors_are_named(source
     assert results.pairs["ok"].all()
     assert results.judge["ok"].all()
     assert (results.ok, results.exit_status) == (False, 1)
-    assert conclusion(results)[0].text.endswith(f"the file has more: {phrase(term)}.")
+    assert conclusion(results)[0].text.endswith(f"the file also contains: {phrase(term)}.")
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def test_passive_forces_alone_are_named_and_pass(gait):
     assert (damping.kind, damping.names) == ("damping", ("tendon t",))
     assert (friction.kind, friction.size) == ("dry friction", pytest.approx(0.02))
     assert (results.ok, results.exit_status) == (True, 0)
-    assert conclusion(results)[0].text.endswith(f"the file has more: {phrase(damping)}; {phrase(friction)}.")
+    assert conclusion(results)[0].text.endswith(f"the file also contains: {phrase(damping)}; {phrase(friction)}.")
 
 
 def test_springs_that_the_scene_has_are_not_left_out(write):

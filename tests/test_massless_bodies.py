@@ -111,12 +111,12 @@ def test_a_body_lighter_than_mujoco_takes_is_told_so(scene):
         (
             "mass = 0",
             "mass = 0\ncom = [0, 0, 1]",
-            "bodies.cross: a body without mass",
+            "bodies.cross: a massless body",
         ),
         (
             "mass = 0",
             "mass = 0\ninertia = { xx = 1, yy = 1 }",
-            "bodies.cross: a body without mass",
+            "bodies.cross: a massless body",
         ),
         (
             "mass = 0",

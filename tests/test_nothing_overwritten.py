@@ -64,7 +64,7 @@ def test_a_file_of_one_s_own_is_overwritten_by_force_only(name, bars, capsys):
     refused(*command)
     said = capsys.readouterr()
     assert said.err.startswith(f"screwgauge: {file}: already exists and ")
-    assert said.err.endswith("or overwrite it by --force.\n")
+    assert said.err.endswith("or overwrite it with --force.\n")
     assert main([*command, "--force"]) in (0, 1)
     assert Path(file).read_bytes() != MINE.encode()
     assert main(command) in (0, 1)  # which is now as it was written here
@@ -106,12 +106,12 @@ def test_two_outputs_at_one_place_are_refused_before_any_work(name, force, capsy
     Path("out").mkdir()
     given = [each.format(here=Path().absolute().name) for each in TWICE[name]]
     refused("check", "slider-crank", "--out", "out", *given, *force)
-    assert "is what both " in capsys.readouterr().err
+    assert "is an output of both " in capsys.readouterr().err
 
 
 def test_outputs_of_other_commands_at_one_place_are_refused(bars, capsys):
     refused("diagnose", "four-bar.xml", "b.xml", "--out", "out", "--fix", "out/diagnosis.json")
-    assert "is what both " in capsys.readouterr().err
+    assert "is an output of both " in capsys.readouterr().err
 
 
 READ = ("scene.toml", "four-bar.toml", "four-bar.xml", "motion.csv", "tolerances.toml", "more.xml")
@@ -182,7 +182,7 @@ def test_python_too_overwrites_by_force_only(method, request):
     keep(file)  # as it was written here
     before = {*Path("new").iterdir()}
     file.write_text(MINE, encoding="utf-8")
-    with pytest.raises(OutputError, match=r"already exists and .*overwrite it by force=True"):
+    with pytest.raises(OutputError, match=r"already exists and .*overwrite it with force=True"):
         keep(file)
     assert file.read_text(encoding="utf-8") == MINE
     keep(file, force=True)
@@ -198,7 +198,7 @@ def test_a_fix_takes_no_place_of_what_a_diagnosis_read(bars):
     for name in ("four-bar.xml", "mine.xml"):
         Path("mine.xml").write_text(MINE, encoding="utf-8")
         before = Path(name).read_bytes()
-        with pytest.raises(OutputError, match="overwrite it by force=True"):
+        with pytest.raises(OutputError, match="overwrite it with force=True"):
             found.write_fix(name)
         assert Path(name).read_bytes() == before
         found.write_fix(name, force=True)

@@ -9,7 +9,7 @@ import pytest
 import screwgauge
 from support.command import main
 from support.errors import OutputError, ReportError
-from support.pages import Heading, Picture, file_name
+from support.pages import Picture, Text, file_name
 from support.report import MANIFEST, write_report
 
 DATA = {"numbers.json": {"a": 1}, "summary.json": {"ok": True}}
@@ -21,7 +21,7 @@ def files(folder):
 
 
 def report(folder, *blocks, data=DATA):
-    return write_report(folder, lambda: [Heading("A report", 1), *blocks], data)
+    return write_report(folder, lambda: [Text("A report", 1), *blocks], data)
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_a_file_of_the_users_own_in_the_way_is_refused_before_any_work(name, out
     (out / name).write_text("mine", encoding="utf-8")
     assert command("--samples") == 2
     said = capfd.readouterr().err
-    assert said.startswith(f"screwgauge: {out}: {name} is ")
+    assert said.startswith(f"screwgauge: {out}: {name} ")
     assert said.endswith(("another folder.\n", "--force.\n"))
     assert files(out) == {name}
 
@@ -121,7 +121,7 @@ def test_a_file_that_was_changed_since_is_one_s_own(out):
     report(out)
     assert (out / "old.json").read_text(encoding="utf-8") == "worked on"
     (out / "report.md").write_text("worked on", encoding="utf-8")
-    with pytest.raises(OutputError, match=r"report\.md is there"):
+    with pytest.raises(OutputError, match=r"report\.md exists"):
         report(out)
 
 
@@ -138,7 +138,7 @@ def test_a_report_that_is_cut_off_at_any_file_is_taken_up_by_the_next(out, monke
         with monkeypatch.context() as patch:
             patch.setattr(os, "replace", replaced)
             with pytest.raises((OutputError, ReportError)):
-                report(out, PICTURE, Heading(f"{k}"), data={**DATA, "numbers.json": {"a": k}})
+                report(out, PICTURE, Text(f"{k}", 2), data={**DATA, "numbers.json": {"a": k}})
     report(out)
     assert files(out) == {*DATA, MANIFEST, "report.md", "report.html"}
 
@@ -180,7 +180,7 @@ def test_a_page_that_was_left_out_is_made_again(out):
 def test_no_manifest_is_waited_for(out):
     out.mkdir()
     os.mkfifo(out / MANIFEST)
-    with pytest.raises(OutputError, match="is no list"):
+    with pytest.raises(OutputError, match="is not a list"):
         report(out)
 
 
@@ -211,7 +211,7 @@ def test_a_picture_that_breaks_is_one_sentence_and_exit_3(out, command, capfd, m
     assert said.out.endswith("report: none\n")
     assert said.err == (
         f"screwgauge: {out}: the report could not be made (ValueError: no such colour); "
-        "its numbers are there; --debug shows where it broke.\n"
+        "use the numbers, which are complete, and report the traceback that --debug prints.\n"
     )
     assert json.loads((out / "summary.json").read_text(encoding="utf-8"))["ok"] is True
 

@@ -205,7 +205,9 @@ def test_no_mesh_outside_the_folder_is_opened(way, shells, tmp_path):
     os.symlink(tmp_path / "secret.stl", folder / "meshes" / "link.stl")
     os.mkfifo(folder / "meshes" / "pipe.stl")
     (folder / "shells.xml").write_text(MESHES.format("").replace("BIG.stl", way), encoding="utf-8")
-    said = "it is no regular file" if "pipe" in way else "cannot be read" if "BIG" in way else "which lies outside its"
+    said = (
+        "it is not a regular file" if "pipe" in way else "cannot be read" if "BIG" in way else "which lies outside its"
+    )
     with pytest.raises(ScrewgaugeError, match=said):
         prepare(folder / "shells.xml", meshes=True)
 
@@ -227,4 +229,4 @@ def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, writ
     assert str(tmp_path / "other.xml") in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert main(["diagnose", str(shells), str(fixed), *out, "--meshes"]) == 0
     assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(other)]) == 2
-    assert "name another file" in capfd.readouterr().err
+    assert "choose another file" in capfd.readouterr().err

@@ -23,7 +23,7 @@ from support.acting import Applied, Load
 from support.engines import Failure, Solution, Timing, Values
 from support.errors import OutputError
 from support.mechanism import load_mechanism
-from support.pages import Front, Picture, Table, fragment, terminal
+from support.pages import Group, Picture, Table, fragment, terminal
 from support.report import default_figures, first_difference, verdict
 from support.report import run_page as page
 from support.scene import GivenMotion
@@ -402,7 +402,7 @@ def test_engines_that_cannot_be_compared_are_not_drawn_over_each_other(make: Mak
     results = make()
     out = replace(results, errors=results.errors.iloc[:0]).write(tmp_path / "out")
     picture = (out / "plots" / "01-joint-position.svg").read_text(encoding="utf-8")
-    assert "without curves: beta." in picture
+    assert "Without curves," in picture
     assert "difference" not in picture
 
 
@@ -489,11 +489,11 @@ def test_the_open_tree_is_explained_where_it_has_the_fewest_digits_and_fills_one
     }
     found = replace(results, pairs=pairs, judge=judge, solutions=solutions)
     assert "tree_force_soft only checks the models" in verdict(found).text
-    (front,) = [block for block in page.report(found) if isinstance(block, Front)]
+    (front,) = [block for block in page.report(found) if isinstance(block, Group) and block.kind == "front"]
     worst = next(block for block in front.blocks if isinstance(block, Table))
     assert [line[0] for line in worst.body] == ["tree force soft"]
     wrong = replace(found, pairs=pairs.assign(ok=[True, False]))
-    (front,) = [block for block in page.report(wrong) if isinstance(block, Front)]
+    (front,) = [block for block in page.report(wrong) if isinstance(block, Group) and block.kind == "front"]
     worst = next(block for block in front.blocks if isinstance(block, Table))
     assert len(worst.body) == 2
 
@@ -521,7 +521,11 @@ def test_the_first_screen_has_the_actuator_forces_or_what_differs_and_the_machin
         found = replace(results, solutions=solutions)
         plots = [picture(name, one.quantity) for name, one in named(found).items()]
         machine = picture("m", stage='{"doubts": [], "shapes": [], "words": []}')
-        (front,) = [block for block in page.report(found, [machine, *plots]) if isinstance(block, Front)]
+        (front,) = [
+            block
+            for block in page.report(found, [machine, *plots])
+            if isinstance(block, Group) and block.kind == "front"
+        ]
         shown = [block.name for block in front.blocks if isinstance(block, Picture)]
         assert [first in shown[0], shown[1:]] == [True, ["m"]]
 

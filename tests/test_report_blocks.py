@@ -13,14 +13,13 @@ from support.pages import (
     LONG,
     Banner,
     Block,
-    Folded,
-    Heading,
+    Group,
     Items,
     Marked,
-    Paragraph,
     Picture,
     Report,
     Table,
+    Text,
     facts,
     fragment,
     markdown,
@@ -40,12 +39,12 @@ ROWS = [
     {"engine": "mujoco", "case": "y", "max_abs": float("nan"), "ok": False},
 ]
 EVERYTHING: list[Block] = [
-    Heading("A <title>", 1),
+    Text("A <title>", 1),
     Banner("they agree", "✓ AGREE", "agree"),
-    Paragraph(Marked("some **bold**, *slanted* and `a < b` text")),
+    Text(Marked("some **bold**, *slanted* and `a < b` text")),
     Items(("one", "two")),
     Table(("name", "size"), (("a", "1e-3"),)),
-    Folded("behind", (Paragraph("inside"),)),
+    Group("folded", (Text("inside"),), "behind"),
 ]
 
 
@@ -88,8 +87,8 @@ def test_a_terminal_shows_plain_text() -> None:
 
 @pytest.mark.parametrize("text", ["f(*args, **kwargs)", "a*b*c", "2 * 3 * 4", "leg1.q1_dot_x", "x | y"])
 def test_what_only_looks_like_markup_stays_as_it_is(text: str) -> None:
-    assert terminal([Paragraph(text)]) == text
-    assert fragment([Paragraph(text)]) == f"<p>{text}</p>"
+    assert terminal([Text(text)]) == text
+    assert fragment([Text(text)]) == f"<p>{text}</p>"
 
 
 HOSTILE = [
@@ -131,19 +130,19 @@ KNOWN |= {f"{part}_open" for part in ("table", "thead", "tbody", "tr", "th", "td
 @pytest.mark.parametrize("text", HOSTILE)
 def test_text_is_text_in_markdown_whatever_it_contains(text: str) -> None:
     parser, said = MarkdownIt("gfm-like", {"linkify": False}), " ".join(text.split())
-    for block in (Heading(text), Paragraph(text), Banner(text), Items((text,)), Table((text,), ((text,),))):
+    for block in (Text(text, 2), Text(text), Banner(text), Items((text,)), Table((text,), ((text,),))):
         found = [piece for piece in shown(parser.parse(markdown([block]))) if piece]
         times = 2 if isinstance(block, Table) else 1
         assert "".join(found) == said * times, block
     picture = parser.parse(markdown([Picture("01-x", text, "")]))[1].children
     assert [(token.type, token.attrs.get("src")) for token in picture] == [("image", "plots/01-x.svg")]
-    folded_ = "".join(token.content for token in parser.parse(markdown([Folded(text, ())])))
+    folded_ = "".join(token.content for token in parser.parse(markdown([Group("folded", (), text)])))
     assert re.findall(r"<(/?\w+)", folded_) == ["details", "summary", "/summary", "/details"]
 
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_text_is_text_in_html_and_on_a_terminal(text: str) -> None:
-    assert fragment([Paragraph(text)]) == f"<p>{escape(text, quote=False)}</p>".replace("\n", " ")
+    assert fragment([Text(text)]) == f"<p>{escape(text, quote=False)}</p>".replace("\n", " ")
     assert terminal([Table(("", ""), (("a", text),))]) == f"a  {text}".replace("\n", " ").rstrip()
     svg = fragment([Picture("x", text, "<svg >")])
     assert re.findall(r'(\w[\w-]*)="', svg) == ["role", "aria-label"]
@@ -151,12 +150,12 @@ def test_text_is_text_in_html_and_on_a_terminal(text: str) -> None:
 
 def test_what_steers_a_terminal_is_not_passed_on() -> None:
     text = "a\x1b[31mred\x9b2J\x07\u202eb\u2028c\udcff"
-    for rendered in (terminal([Paragraph(text)]), markdown([Heading(text)]), page([Heading(text), Banner(text)])):
+    for rendered in (terminal([Text(text)]), markdown([Text(text, 2)]), page([Text(text, 2), Banner(text)])):
         assert all(sign.isprintable() or sign == "\n" for sign in rendered)
 
 
 def test_nothing_in_a_cell_can_break_a_page() -> None:
-    text = fragment([Table(("a",), (("<script>alert(1)</script>",),)), Heading("<b>")])
+    text = fragment([Table(("a",), (("<script>alert(1)</script>",),)), Text("<b>", 2)])
     assert "<script>" not in text
     assert "<b>" not in text
 
@@ -192,11 +191,11 @@ def test_facts_spread_what_is_nested_and_sort_yes_from_no() -> None:
         ("load", "1"),
         ("load", "2"),
     )
-    assert facts({}) == Paragraph("Not recorded.")
+    assert facts({}) == Text("Not recorded.")
 
 
 def test_prose_has_paragraphs_and_lists() -> None:
-    assert prose("one\ntwo\n\n- a\n  b\n- c\n") == [Paragraph("one two"), Items(("a b", "c"))]
+    assert prose("one\ntwo\n\n- a\n  b\n- c\n") == [Text("one two"), Items(("a b", "c"))]
 
 
 TEXT = data("report-text.md")
@@ -298,7 +297,7 @@ def test_without_three_js_the_still_picture_stays(
             viewer.writestr("viewer.html.template", content)
     monkeypatch.setattr("screwgauge.report.html.viewer_archive", lambda: archive)
     assert three_js() == ""
-    assert "carries no three.js" in stage_script()
+    assert "contains no three.js" in stage_script()
 
 
 @pytest.mark.parametrize("added", ["alert(1);", " "])
@@ -312,5 +311,5 @@ def test_a_three_js_that_nobody_read_is_not_put_into_pages(
         viewer.writestr("viewer.html.template", f"<script>{changed}</script>")
     monkeypatch.setattr("screwgauge.report.html.viewer_archive", lambda: archive)
     assert three_js() == changed
-    assert "a three.js that" in stage_script()
+    assert "a three.js version that" in stage_script()
     assert len(stage_script()) < 1000

@@ -15,7 +15,7 @@ from support import robots
 from support.browser import Opened, open_page
 from support.data import data
 from support.errors import OutputError
-from support.pages import Heading, Paragraph, Picture, three_js
+from support.pages import Picture, Text, three_js
 from support.pages import page as page_of
 from support.report import print_page, run_page
 
@@ -257,7 +257,7 @@ def test_a_page_of_paper_is_written_whole_or_not_at_all(
     opened: Opened, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     html, pdf = tmp_path / "report.html", tmp_path / "report.pdf"
-    html.write_text(page_of([Heading("A page", 1), Paragraph("text")]), encoding="utf-8")
+    html.write_text(page_of([Text("A page", 1), Text("text")]), encoding="utf-8")
     print_page(html, pdf)
     assert pdf.read_bytes().startswith(b"%PDF")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "report.pdf"]

@@ -30,7 +30,7 @@ def test_it_shows_itself_in_one_screen(results):
 def test_a_long_one_says_that_there_is_more(results, monkeypatch):
     monkeypatch.setattr("screwgauge.report.text.LINES", 5)
     assert len(repr(results).splitlines()) == 5
-    assert repr(results).splitlines()[-1] == "... `write` leaves the whole report"
+    assert repr(results).splitlines()[-1] == "... `write` saves the whole report"
 
 
 @pytest.mark.slow
@@ -50,12 +50,12 @@ def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
     page = results.to_html(tmp_path / "page.html")
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["mine.svg", "page.html", "plots"]
-    with pytest.raises(OutputError, match="is a folder; name a file"):
+    with pytest.raises(OutputError, match="is a folder; choose a file name"):
         results.to_html(tmp_path)
 
 
 def test_an_empty_path_is_not_the_current_folder(results):
-    with pytest.raises(OutputError, match=r"is empty, .*; name a folder"):
+    with pytest.raises(OutputError, match=r"is empty, .*; choose a folder"):
         results.write("")
     with pytest.raises(ScrewgaugeError, match="'' is not a name or path"):
         screwgauge.check("")
@@ -148,7 +148,7 @@ def test_names_that_are_not_there_are_said(results):
 @pytest.mark.parametrize("what", ["slider-crank", Path("slider-crank.toml"), None])
 @pytest.mark.parametrize("call", ["run", "compile", "exciting", "stream"])
 def test_what_is_no_scene_is_refused(call, what):
-    with pytest.raises(screwgauge.ScrewgaugeError, match=rf"{call}: .* is no scene; .*load_scene"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=rf"{call}: .* is not a scene; .*load_scene"):
         next(screwgauge.stream(what, [[0.0]])) if call == "stream" else getattr(screwgauge, call)(what)
 
 

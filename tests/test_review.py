@@ -245,8 +245,8 @@ def test_an_engine_that_the_judge_faults_is_no_measure(spoilt_file, stand_in):
     [
         ("t,left\n0,1\n", "five-bar", "column 'left' is of"),
         ("t,actuator_force/lef\n0,1\n", "five-bar", "unknown column"),
-        ("t,actuator_force/left [N/mm]\n0,1\n", "five-bar", "is in N m here"),
-        ("t,actuator_force/left\n0,1\n9,1\n", "five-bar", "is not within the scene"),
+        ("t,actuator_force/left [N/mm]\n0,1\n", "five-bar", "must be in N m"),
+        ("t,actuator_force/left\n0,1\n9,1\n", "five-bar", "is outside the scene"),
         ("t,a\n0,1\n", "a02-fourbar-2", "integrated"),
         ("t,a\n0,1\n", "no-such-scene", "no-such-scene"),
         ("a\n1\n", "five-bar", "column 't' is missing"),

@@ -181,4 +181,4 @@ def test_the_command_writes_table_and_page(plan, tmp_path, capfd):
     table = pd.read_csv(tmp_path / "out" / "variants.csv")
     assert len(table) == 40
     assert (tmp_path / "out" / "report.html").is_file()
-    assert "costs most" in capfd.readouterr().out
+    assert "has the most influence" in capfd.readouterr().out

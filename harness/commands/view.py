@@ -98,7 +98,7 @@ def _unnamed_joints(name: str, mechanism: Mechanism) -> set[str]:
 
 
 def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection[str] = ()) -> str:
-    from screwgauge.report.blocks import Heading, Paragraph
+    from screwgauge.report.blocks import Text
     from screwgauge.report.html import page
     from screwgauge.report.stage.picture import remarks, stage
     from screwgauge.scene.scene import Scene
@@ -109,8 +109,8 @@ def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection
         picture = stage(*_solve(what))
     else:
         picture = stage(mechanism, other=other, unsigned=unsigned)
-    about = [Paragraph(what.description)] if isinstance(what, Scene) and what.description else []
-    return page([Heading(mechanism.title or mechanism.name, 1), *about, picture, *remarks(picture)])
+    about = [Text(what.description)] if isinstance(what, Scene) and what.description else []
+    return page([Text(mechanism.title or mechanism.name, 1), *about, picture, *remarks(picture)])
 
 
 def _solve(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:

@@ -50,7 +50,7 @@ def test_another_number_of_independent_coordinates_is_refused(loaded: Loaded, gi
     n, k = len(given.task), len(loaded.mechanism.independent)
     none = np.zeros((n, k + 1))
     wide = GivenMotion(loaded.scene.t, none, none, none)
-    with pytest.raises(ScrewgaugeError, match=f"has {k} independent coordinates, the motion {k + 1}"):
+    with pytest.raises(ScrewgaugeError, match=rf"has {k} independent coordinates, .*motion .*{k + 1}"):
         loaded.ask(replace(given, task=wide))
 
 
@@ -64,7 +64,7 @@ def test_a_start_of_another_number_of_coordinates_is_refused(loaded: Loaded, fal
 
 def test_a_load_on_an_unknown_body_is_refused(loaded: Loaded, given: Problem) -> None:
     load = Load("platfrom", None, np.array([0.0, 0.0, 1.0]), np.zeros(3))
-    with pytest.raises(ModelFileError, match="has no body 'platfrom'; keep the names of the"):
+    with pytest.raises(ModelFileError, match="has no body 'platfrom'"):
         loaded.ask(replace(given, applied=replace(given.applied, loads=(load,))))
 
 

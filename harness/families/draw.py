@@ -96,7 +96,7 @@ def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Sc
     if motion is None:
         return None
     scene = {
-        "description": f"Random mechanism of the family {family}, {redrawn} draws before it being too near singular.",
+        "description": f"Random mechanism of the family {family}, after {redrawn} draws too near a singular pose.",
         "mechanism": file.name,
         "gravity": (9.81 * sketch.unit()).tolist(),
         "motion": motion,

@@ -30,18 +30,11 @@ class Marked(str):
 
 
 @dataclass(frozen=True, slots=True)
-class Heading:
-    """A heading; level 1 is the title of the report."""
+class Text:
+    """Running text, or a heading of a level from 1, the title of the report; line breaks in it are ignored."""
 
     text: str
-    level: int = 2
-
-
-@dataclass(frozen=True, slots=True)
-class Paragraph:
-    """Running text; line breaks in it are ignored."""
-
-    text: str
+    level: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,37 +98,23 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Folded:
-    """Blocks folded under a title with a short note; `printed`: the fold is open in print."""
+class Group:
+    """Blocks that belong together.
 
-    title: str
+    Attributes:
+        kind: ``front``: the first screen, blocks beside a picture or below two. ``appendix``: details at the end, each
+            section folded on a screen and expanded in print. ``folded``: folded under a title with a short note, and
+            expanded in print. ``more``: folded in print, too. ``glossary``: a table of words with their meaning; the
+            first use of a word on a page links there.
+    """
+
+    kind: Literal["front", "appendix", "folded", "more", "glossary"]
     blocks: tuple[Block, ...]
+    title: str = ""
     note: str = ""
-    printed: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Front:
-    """First screen of a page: blocks next to one picture, or below two pictures."""
-
-    blocks: tuple[Block, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Appendix:
-    """Details at the end of a page: sections that are folded on a screen and expanded in print."""
-
-    blocks: tuple[Block, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Glossary:
-    """Words with their meanings; the first use of a word in a section links to its entry."""
-
-    entries: tuple[tuple[str, str], ...]
-
-
-Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded | Front | Appendix | Glossary
+Block = Text | Banner | Items | Table | Picture | Group
 
 
 def as_kind(kind: type[T], record: Any) -> T:
@@ -147,16 +126,14 @@ def walk(blocks: Iterable[Block]) -> Iterator[Block]:
     """Yield all blocks, parents before children."""
     for block in blocks:
         yield block
-        if isinstance(block, (Folded, Front, Appendix)):
+        if isinstance(block, Group):
             yield from walk(block.blocks)
 
 
 def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[Block]:
     """Apply a change to each leaf block."""
     return [
-        replace(block, blocks=tuple(changed(block.blocks, change)))
-        if isinstance(block, (Folded, Front, Appendix))
-        else change(block)
+        replace(block, blocks=tuple(changed(block.blocks, change))) if isinstance(block, Group) else change(block)
         for block in blocks
     ]
 
@@ -164,7 +141,7 @@ def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[B
 def or_reason(block: Block) -> Block:
     """Replace a picture that could not be drawn with a paragraph that states the reason."""
     if isinstance(block, Picture) and block.lost:
-        return Paragraph(f"Not drawn: {block.title} ({block.lost}).")
+        return Text(f"Not drawn: {block.title} ({block.lost}).")
     return block
 
 
@@ -224,7 +201,7 @@ def facts(mapping: Mapping[str, Any]) -> Block:
             body += [(f"{name}: {k}", _value_text(v)) for k, v in value.items()]
         else:
             body += [(name, _value_text(v)) for v in (value if isinstance(value, list) else [value]) if v != ""]
-    return Table(("", ""), tuple(body)) if body else Paragraph("Not recorded.")
+    return Table(("", ""), tuple(body)) if body else Text("Not recorded.")
 
 
 def _value_text(value: Any) -> str:

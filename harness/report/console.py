@@ -94,7 +94,7 @@ def _print(text: str, end: str) -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             what = f"standard output cannot be written ({why(error)})"
-            raise OutputError(what, "", "redirect it, to /dev/null if nobody reads it") from None
+            raise OutputError(what, "", "redirect it to a file or to /dev/null") from None
 
 
 def complain(text: str) -> None:
@@ -121,7 +121,9 @@ def ended(error: BaseException, *, debug: bool) -> int:
         complain(f"screwgauge: {error}")
     else:
         what = f"this should not have happened ({type(error).__name__}: {error})"
-        complain(f"screwgauge: {ScrewgaugeError(what, '', 'run it again with --debug and report what that shows')}")
+        complain(
+            f"screwgauge: {ScrewgaugeError(what, '', 'run the command again with --debug and report the traceback')}"
+        )
     return error.exit_status if isinstance(error, ScrewgaugeError) else BROKEN
 
 

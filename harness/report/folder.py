@@ -64,13 +64,13 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
         if path.is_symlink():
             odd = "is a link"
         elif path.exists() and path.is_dir() is not (name == "plots"):
-            odd = "is a folder" if path.is_dir() else "is no folder"
+            odd = "is a folder" if path.is_dir() else "is not a folder"
         if odd:
             raise OutputError(f"{name} {odd}", str(out), _ELSEWHERE)
     ours = {MANIFEST, *written(out)}
     for name in names:
         if not force and name not in ours and (out / name).exists():
-            what = f"{name} is there, and is not as an earlier report wrote it ({MANIFEST} has the digests)"
+            what = f"{name} exists, and is not an unmodified file of an earlier report ({MANIFEST} has the digests)"
             raise OutputError(what, str(out), f"{_ELSEWHERE}, or {overwriting()}")
 
 
@@ -133,7 +133,7 @@ def _move(stage: Path, out: Path) -> None:
 
 
 def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
-    return OutputError(f"the folder cannot be written ({why(error)})", str(out), "choose another")
+    return OutputError(f"the folder cannot be written ({why(error)})", str(out), "choose another folder")
 
 
 MANIFEST = "report-files.json"
@@ -177,7 +177,7 @@ def _read_list(out: Path) -> dict[str, list[Any]]:
     except DescriptionError:
         files = None
     if not isinstance(files, dict | list):
-        raise OutputError(f"{MANIFEST} is no list of a report's files", str(out), _ELSEWHERE)
+        raise OutputError(f"{MANIFEST} is not a list of a report's files", str(out), _ELSEWHERE)
     # the lists of earlier versions contain only names, which prove nothing
     named = files.items() if isinstance(files, dict) else ()
     return {name: digests for name, digests in named if _is_ours(name) and isinstance(digests, list)}
@@ -221,12 +221,12 @@ def locked(out: Path) -> Iterator[None]:
         fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(place)
-        what, remedy = "another command is writing into the folder", "wait for its end, or choose another folder"
+        what, remedy = "another command is writing into the folder", "wait until it ends, or choose another folder"
         raise OutputError(what, str(out), remedy) from None
     except (OSError, ValueError) as error:  # ValueError: the path contains a null byte
         if place < 0 or getattr(error, "errno", None) not in _UNABLE:
             what = f"the folder cannot be written ({why(error)})"
-            raise OutputError(what, str(out), "choose another") from error
+            raise OutputError(what, str(out), "choose another folder") from error
     try:
         yield
     finally:

@@ -66,10 +66,11 @@ OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR
 def page(blocks: Iterable[Block]) -> str:
     """Render the whole page with embedded pictures and scripts; its title is the first heading."""
     blocks = list(blocks)
-    title = next((block.text for block in blocks if isinstance(block, b.Heading)), "Screwgauge")
+    title = next((block.text for block in blocks if isinstance(block, b.Text) and block.level), "Screwgauge")
     pictures = [block for block in walk(blocks) if isinstance(block, b.Picture)]
-    words = [term for block in walk(blocks) if isinstance(block, b.Glossary) for term, _ in block.entries]
-    body, scripts = _link_words(_with_contents(fragment(blocks)), words), _scripts(pictures)
+    glossaries = [block for block in walk(blocks) if isinstance(block, b.Group) and block.kind == "glossary"]
+    terms = [line[0] for block in walk(glossaries) if isinstance(block, b.Table) for line in block.body]
+    body, scripts = _link_words(_with_contents(fragment(blocks)), terms), _scripts(pictures)
     policy = POLICY.format(" 'unsafe-eval'" * ('id="chart"' in scripts))
     parts = {"title": escape(plain(title), quote=False), "body": body, "scripts": scripts, "policy": policy}
     style = PAGE.with_suffix(".css").read_text(encoding="utf-8")
@@ -137,37 +138,29 @@ def fragment(blocks: Iterable[Block]) -> str:
 
 def _block(block: Block) -> str:
     match block:
-        case b.Heading(text, level):
-            return f"<h{level}>{_text(text)}</h{level}>"
-        case b.Paragraph(text):
-            return f"<p>{_text(text)}</p>"
+        case b.Text(text, level):
+            tag = f"h{level}" if level else "p"
+            return f"<{tag}>{_text(text)}</{tag}>"
         case b.Banner(text, word, status):
             lead = f"<strong>{_text(word)}</strong> " if word else ""
             return f'<div class="banner {status}">{lead}{_text(text)}</div>'
-        case b.Front() | b.Appendix() | b.Folded():
-            return _room(block)
-        case b.Glossary(entries):
+        case b.Group("front", inside):
+            return _front(inside)
+        case b.Group("appendix", inside):
+            return _fold_sections(fragment(inside))
+        case b.Group("glossary", (b.Table(_, entries),)):
             terms = (f'<dt id="word-{file_name(x)}">{_text(x)}</dt><dd>{_text(y)}</dd>' for x, y in entries)
             return f"<dl>{''.join(terms)}</dl>"
+        case b.Group(kind, inside, title, note):
+            lead = f"<b>{_text(title)}</b><span>{_text(note)}</span>" if note else _text(title)
+            mark = ' class="more"' if kind == "more" else ""
+            return f"<details{mark}>\n<summary>{lead}</summary>\n{fragment(inside)}\n</details>"
         case b.Items(texts):
             return "<ul>" + "".join(f"<li>{_text(text)}</li>" for text in texts) + "</ul>"
         case b.Table():
             return _table(block)
         case b.Picture():
             return f"<figure>{_inline(block)}</figure>"
-
-
-def _room(block: b.Front | b.Appendix | b.Folded) -> str:
-    """Render a block that contains other blocks."""
-    match block:
-        case b.Front(inside):
-            return _front(inside)
-        case b.Appendix(inside):
-            return _fold_sections(fragment(inside))
-        case b.Folded(title, inside, note, printed):
-            lead = f"<b>{_text(title)}</b><span>{_text(note)}</span>" if note else _text(title)
-            kind = "" if printed else ' class="more"'
-            return f"<details{kind}>\n<summary>{lead}</summary>\n{fragment(inside)}\n</details>"
 
 
 def _front(blocks: tuple[Block, ...]) -> str:
@@ -273,8 +266,8 @@ def stage_script() -> str:
     three = three_js()
     if hashlib.sha256(three.encode()).hexdigest() in KNOWN:
         return f"{LICENCE}\n{three}\n{STAGE.read_text(encoding='utf-8')}"
-    what = "a three.js that screwgauge does not know" if three else "no three.js"
-    reason = f"No picture in space: trimesh {version('trimesh')} carries {what}; install trimesh 5.2.0."
+    what = "a three.js version that screwgauge does not support" if three else "no three.js"
+    reason = f"No picture in space: trimesh {version('trimesh')} contains {what}; install trimesh 5.2.0."
     return UNDRAWN.replace("REASON", json.dumps(reason))
 
 

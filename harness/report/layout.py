@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, reduce
 from pathlib import Path
 from typing import Any
@@ -14,18 +14,14 @@ from screwgauge.environment import environment
 from screwgauge.reference.errors import ReportError
 from screwgauge.report.blocks import (
     LONG,
-    Appendix,
     Banner,
     Block,
-    Folded,
-    Front,
-    Glossary,
-    Heading,
+    Group,
     Items,
     Marked,
-    Paragraph,
     Picture,
     Table,
+    Text,
     changed,
     facts,
     or_reason,
@@ -43,7 +39,7 @@ Value = Callable[[Any], Any]
 
 def folds(results: Any, pictures: Sequence[Picture]) -> list[Block]:
     """Fold each picture under its title."""
-    return [Folded(picture.title, (picture,)) for picture in pictures]
+    return [Group("folded", (picture,), picture.title) for picture in pictures]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +120,7 @@ class Report:
             write_report(out, tell, data, self.figures, pdf=pdf, safe=safe, force=force)
         if lost:
             what = f"{len(lost)} of its drawings could not be made: {lost[0]}"
-            raise ReportError(what, str(out), "the rest of the report and all numbers are there")
+            raise ReportError(what, str(out), "use the rest of the report, which has all numbers")
         return out
 
     def blocks(
@@ -137,16 +133,16 @@ class Report:
         filled = _Filled(self, results, record or getattr(results, "environment", {}), first, others)
         front, sections, appendix = _parts(self.text)
         screen = [*filled["verdict"], *filled.section("", front), *lead]
-        blocks: list[Block] = [Heading(filled["title"], 1), Front(tuple(screen))]
+        blocks: list[Block] = [Text(filled["title"], 1), Group("front", tuple(screen))]
         blocks += (block for title, text in sections if title != TERMINAL for block in filled.section(title, text))
         last = [block for title, text in appendix for block in filled.section(title, text)]
         words = _used(markdown([*blocks, *last]))
-        last += [Heading("Glossary"), Glossary(words)] if words else []
-        return changed([*blocks, Appendix(tuple(last))], or_reason)
+        last += [Text("Glossary", 2), Group("glossary", (Table(("", ""), words),))] if words else []
+        return changed([*blocks, Group("appendix", tuple(last))], or_reason)
 
     def terminal(self, results: Any) -> list[Block]:
         """Return the blocks of the section "On a terminal"."""
-        filled, (_, sections, _) = _Filled(self, results, {}, None, ()), _parts(self.text)
+        filled, (_, sections, _) = _Filled(self, results, {}), _parts(self.text)
         return [block for title, text in sections if title == TERMINAL for block in filled.section("", text)]
 
 
@@ -163,27 +159,22 @@ def _parts(name: str) -> tuple[str, Sections, Sections]:
     return front, sections[:at], sections[at + 1 :]
 
 
-@dataclass(frozen=True, slots=True)
-class _Filled(Mapping[str, Any]):
-    """Values of one report, each computed only once."""
+class _Filled(dict[str, Any]):
+    """Values of one report, each computed when a text first asks for it."""
 
-    report: Report
-    results: Any
-    record: Mapping[str, Any]
-    first: Picture | None
-    others: Sequence[Picture]
-    known: dict[str, Any] = field(default_factory=dict)
+    def __init__(
+        self,
+        report: Report,
+        results: Any,
+        record: Mapping[str, Any],
+        first: Picture | None = None,
+        others: Sequence[Picture] = (),
+    ) -> None:
+        self.report, self.results, self.record, self.first, self.others = report, results, record, first, others
 
-    def __getitem__(self, name: str) -> Any:
-        if name not in self.known:
-            self.known[name] = self._value(name)
-        return self.known[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.report.values)
-
-    def __len__(self) -> int:
-        return len(self.report.values)
+    def __missing__(self, name: str) -> Any:
+        self[name] = value = self._value(name)
+        return value
 
     def _value(self, name: str) -> Any:
         values = self.report.values
@@ -219,23 +210,23 @@ class _Filled(Mapping[str, Any]):
                 shown += prose(part.format_map(self))
         if title.endswith("?") and places and not filled:
             return []
-        return [*([Heading(title.rstrip("?").format_map(self))] if title else []), *shown]
+        return [*([Text(title.rstrip("?").format_map(self), 2)] if title else []), *shown]
 
     def _place(self, line: str) -> list[Block]:
         name, columns, empty = (text or "" for text in _PLACE.findall(line)[0])
         name, plus, noun = name.partition("+")
         value = self[name]
         if value is None or (not isinstance(value, Block) and not len(value)):
-            return [Paragraph(empty)] if empty else []
+            return [Text(empty)] if empty else []
         if columns:
             value = table(value, columns)
         if plus:
             lines: Any = value.body if isinstance(value, Table) else tuple(value)
             parts = (lines[:LONG], lines[LONG:])
             short, rest = (Table(value.head, part) if isinstance(value, Table) else Items(part) for part in parts)
-            return [short, Folded(f"{len(parts[1])} more{noun}", (rest,), printed=False)] if parts[1] else [short]
+            return [short, Group("more", (rest,), f"{len(parts[1])} more{noun}")] if parts[1] else [short]
         if isinstance(value, str):
-            return [Paragraph(value)]
+            return [Text(value)]
         if isinstance(value, Mapping):
             return [facts(value)]
         if isinstance(value, Block):
@@ -252,7 +243,7 @@ def prose(text: str) -> list[Block]:
     blocks: list[Block] = []
     for part in filter(None, text.strip().split("\n\n")):
         lead, *items = (" ".join(item.split()) for item in re.split(r"^- ", part, flags=re.MULTILINE))
-        blocks += [Paragraph(Marked(lead))] if lead else []
+        blocks += [Text(Marked(lead))] if lead else []
         blocks += [Items(tuple(map(Marked, items)))] if items else []
     return blocks
 

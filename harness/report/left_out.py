@@ -13,11 +13,11 @@ FIGURES = 3
 
 
 def more(results: Comparison) -> str:
-    """List what each file adds to the rigid machine: ``the file has more: armature of joint m1, ...``."""
+    """List what each file adds to the rigid machine: ``the file also contains: armature of joint m1, ...``."""
     by_file: dict[str, list[str]] = {}
     for term in results.left_out.terms:
         by_file.setdefault(term.file or "the file", []).append(phrase(term))
-    return "; ".join(f"{file} has more: {'; '.join(phrases)}" for file, phrases in by_file.items())
+    return "; ".join(f"{file} also contains: {'; '.join(phrases)}" for file, phrases in by_file.items())
 
 
 def sentences(results: Comparison, *, agree: bool) -> list[str]:
@@ -27,7 +27,7 @@ def sentences(results: Comparison, *, agree: bool) -> list[str]:
     text = more(results)
     who = listed(results.solutions)
     if len(results.solutions) == 1:
-        head = f"{who} is about the rigid machine; {text}."
+        head = f"{who} refers to the rigid machine; {text}."
     else:
         head = f"{who} agree on the rigid machine; {text}." if agree else f"{text.replace('the file', 'The file', 1)}."
     return [head, *contained(results)]
@@ -51,7 +51,7 @@ def owners(names: Sequence[str]) -> str:
 def contained(results: Comparison) -> Iterator[str]:
     """Yield a sentence on each table or engine whose values include forces that the description omits."""
     for name, kinds in results.left_out.contained.items():
-        yield f"Numbers of {name} contain {listed(kinds)}, and are compared without."
+        yield f"Numbers of {name} contain {listed(kinds)}, which the comparison leaves out."
 
 
 def left_out_rows(results: Comparison) -> list[Row]:
@@ -64,7 +64,7 @@ def left_out_rows(results: Comparison) -> list[Row]:
             "of": term.of,
             "unit": term.unit,
             "at": f"{term.component} @ {number(term.t)} s",
-            "file": term.file or "that of the description",
+            "file": term.file or "of the description",
         }
         for term in results.left_out.terms
     ]

@@ -145,5 +145,5 @@ class Figures(list[Figure]):
         """
         if len(self) != 1:
             names = ", ".join(f"figure({picture.name!r})" for picture in self)
-            raise DescriptionError(f"{len(self)} figures in one file", str(path), f"choose one of {names}")
+            raise DescriptionError(f"cannot save {len(self)} figures in one file", str(path), f"choose one of {names}")
         return self[0].save(path, **style)

@@ -15,16 +15,16 @@ from screwgauge.study.review import ReviewedColumn, TableReview
 from screwgauge.study.transformations import Fault
 
 NAMED, FIGURES = 4, 4  # number of columns named in a sentence, if more are counted; number of significant figures
-COLUMNS = "column = name | unit | finding | digits = error:as_digits | put right = after"
+COLUMNS = "column = name | unit | finding | digits = error:as_digits | corrected = after"
 #: Kind of a fault -> words for columns that have it.
 WORDS = {
     "sign": "{be} negated",
     "unit": "{be} in {unit}",
-    "factor": "{be} {times} times the right numbers, which is no unit",
-    "side": "{be} of the other side of {fault.of}: what the successor exerts on the predecessor",
+    "factor": "{be} {times} times the right numbers, a factor of no unit",
+    "side": "{be} on the other side of {fault.of}: the force of the successor on the predecessor",
     "permutation": "{have} the numbers of {fault.of}",
     "shift": "{be} {late} by {time} s{samples}",
-    "held": "{be} interpolated from sample to sample, the first or last number being held",
+    "held": "{be} interpolated between samples, with the first or last number held",
     "offset": "{be} off by a constant {amount}",
     "mean": "{be} filtered: {fault.of}, {fault.size:g} of them",
     "filter": "{be} filtered: {fault.of}, cut off at {cutoff} Hz",
@@ -75,18 +75,18 @@ def sentences(review: TableReview) -> list[str]:
     whole = [column for column in review.columns if column.faults is not None]
     lost = [column for column in review.columns if column.faults is None]
     if not review.columns:
-        return [f"Nothing of {review.name} has a unique value, so nothing is compared."]
+        return [f"No value in {review.name} is unique, so nothing is compared."]
     agree = f"{_all(review, whole)} to {digits_text(max((c.left for c in whole), default=1.0))} digits"
     if review.ok:
         return [f"{agree} with {review.engine}.", *_loose(review)]
     kinds = {fault.kind for column in whole for fault in column.faults or ()}
-    noisy = ", which the noise leaves" if "noise" in kinds else ""
-    right = f"; put right, {agree}{noisy}" if kinds - {"noise"} else f"; {agree}{noisy}"
+    noisy = ", as far as the noise allows" if "noise" in kinds else ""
+    right = f"; corrected, {agree}{noisy}" if kinds - {"noise"} else f"; {agree}{noisy}"
     said = [f"{'; '.join(_phrases(review))}{right}."] if kinds else [f"{agree}."] * bool(whole)
     if lost:
         worst = max(lost, key=lambda column: column.error)
-        many = "No fault that is known explains" if len(lost) == 1 else "No faults that are known explain"
-        by = f"{_name(review, worst)} is off by {size(worst.error)} of its largest size"
+        many = "No known fault explains" if len(lost) == 1 else "No known faults explain"
+        by = f"{_name(review, worst)} is off by {size(worst.error)} of its largest value"
         said.append(f"{many} {_names(review, lost)} ({by}).")
     return said
 
@@ -95,7 +95,7 @@ def _loose(review: TableReview) -> Iterator[str]:
     """Yield sentences on columns that agree to their printed digits, but not to the tolerance of a run."""
     for quantity in dict.fromkeys(column.quantity for column in review.columns if not column.ok):
         place = max(column.place for column in review.columns if column.quantity == quantity)
-        yield f"That is what they print: state error.{quantity} = {number(place, 2)}, and a run agrees."
+        yield f"The numbers are printed to that place: with error.{quantity} = {number(place, 2)} a run agrees."
 
 
 def _all(review: TableReview, some: list[ReviewedColumn]) -> str:

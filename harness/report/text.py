@@ -27,12 +27,12 @@ def terminal(blocks: Iterable[Block]) -> str:
 def screenful(blocks: Iterable[Block]) -> str:
     """Render as much text as fits a screen."""
     lines = terminal(blocks).splitlines()
-    return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` leaves the whole report"])
+    return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` saves the whole report"])
 
 
 def _lines(block: Block) -> list[str]:
     match block:
-        case b.Heading(text) | b.Paragraph(text):
+        case b.Text(text):
             return textwrap.wrap(plain(text), COLUMNS)
         case b.Banner(text, word):
             return textwrap.wrap(plain(f"{word}: {text}" if word else text), COLUMNS)
@@ -40,12 +40,10 @@ def _lines(block: Block) -> list[str]:
             return [line for text in texts for line in textwrap.wrap(f"- {plain(text)}", COLUMNS)]
         case b.Table(head, body):
             return _table([[plain(cell) for cell in line] for line in ([head] if any(head) else []) + [*body]], block)
-        case b.Folded(title, inside):
-            return [f"{plain(title)}:", *terminal(inside).splitlines()]
-        case b.Front(inside) | b.Appendix(inside):
-            return terminal(inside).splitlines()
-        case b.Picture() | b.Glossary():
+        case b.Picture() | b.Group("glossary"):
             return []
+        case b.Group(_, inside, title):
+            return [*([f"{plain(title)}:"] if title else []), *terminal(inside).splitlines()]
 
 
 def _table(lines: list[list[str]], block: b.Table) -> list[str]:
@@ -88,10 +86,8 @@ def markdown(blocks: Iterable[Block]) -> str:
 
 def _block(block: Block) -> str:
     match block:
-        case b.Heading(text, level):
-            return f"{'#' * level} {_text(text)}"
-        case b.Paragraph(text):
-            return _line(text)
+        case b.Text(text, level):
+            return f"{'#' * level} {_text(text)}" if level else _line(text)
         case b.Banner(text, word):
             return f"> **{_text(word)}** {_text(text)}" if word else f"> {_line(text)}"
         case b.Items(texts):
@@ -103,13 +99,13 @@ def _block(block: Block) -> str:
             return "\n".join("| " + " | ".join(line) + " |" for line in lines)
         case b.Picture(name, title):
             return f"![{_text(title)}](plots/{name}.svg)"
-        case b.Folded(title, inside, note):
+        case b.Group("front" | "appendix", inside):
+            return markdown(inside).rstrip("\n")
+        case b.Group("glossary", (b.Table(_, entries),)):
+            return "\n".join(f"- **{_text(word)}**: {_text(meaning)}" for word, meaning in entries)
+        case b.Group(_, inside, title, note):
             lead = escape(plain(f"{title}: {note}" if note else title), quote=False)
             return f"<details>\n<summary>{lead}</summary>\n\n{markdown(inside)}\n</details>"
-        case b.Front(inside) | b.Appendix(inside):
-            return markdown(inside).rstrip("\n")
-        case b.Glossary(entries):
-            return "\n".join(f"- **{_text(word)}**: {_text(meaning)}" for word, meaning in entries)
 
 
 def _text(text: str) -> str:

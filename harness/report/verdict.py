@@ -95,12 +95,12 @@ def _partly(results: Comparison) -> list[str]:
     lost = [f"{listed(names)}: {sentence}." for sentence, names in engines_by_sentence.items()]
     return [
         *lost,
-        *(f"No two engines give the same components of {name}, so it is not compared." for name in results.apart),
+        *(f"No two engines compute the same components of {name}, so it is not compared." for name in results.apart),
     ]
 
 
 def _unjudged(results: Comparison) -> list[str]:
-    text = f"Nothing judges {listed(results.unjudged)}: no equation of mechanics can be tried on what it gives."
+    text = f"Not judged: {listed(results.unjudged)}; no equation of mechanics can be tested on the returned values."
     return [text] if len(results.solutions) > 1 else []
 
 
@@ -162,7 +162,7 @@ def _unlike(results: Comparison) -> list[str]:
 def _leave(keys: Iterable[str]) -> str:
     """State how a scene can allow given differences."""
     entries = ", ".join(f'"{key}"' for key in keys)
-    return f"Where that is meant, the scene allows it: allow = [{entries}]."
+    return f"If this is intended, allow it in the scene: allow = [{entries}]."
 
 
 def _fault(results: Comparison) -> list[str]:
@@ -199,14 +199,14 @@ def _because(row: Row) -> str:
 def _report_alone(results: Comparison) -> Iterator[str]:
     """Yield sentences on quantities that only one engine computes."""
     for engine, names in results.alone:
-        yield f"Compared with no other engine: {listed(names)} of {engine}."
+        yield f"Not compared: {listed(names)} of {engine}, which no other engine computes."
 
 
 def not_unique(results: Comparison) -> Iterator[str]:
     """Count components that are not compared because their values are not unique."""
     for quantity, names in results.not_unique.items():
         n = len(results.components(quantity))
-        count, others = f"{len(names)} of {n}", ", and the digits are of the others"
+        count, others = f"{len(names)} of {n}", ", and the digits refer to the others"
         if len(names) == n:
             count, others = f"All {n}", ""
         yield f"{count} components of {quantity} have no unique value: they are not compared{others}."
@@ -215,8 +215,8 @@ def not_unique(results: Comparison) -> Iterator[str]:
 def _report_integrated(pairs: list[Row]) -> list[str]:
     """Count the pairs that agree only within integration errors."""
     n = sum(row["reason"].startswith(WITHIN) for row in pairs)
-    sentence = f"{n} of them differ by more than their usual tolerance, but not by more than integration leaves."
-    return [sentence] if n else []
+    limits = "by more than their usual tolerance, but by no more than the estimated error of integration"
+    return [f"{n} of them differ {limits}."] if n else []
 
 
 def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
@@ -232,7 +232,7 @@ def _of_narrow(narrow: list[Row]) -> Iterator[str]:
     names = dict.fromkeys(name for row in narrow for name in (row["a"], row["b"]) if number_type(name) is not FLOAT64)
     for name in names:
         row = max((row for row in narrow if name in (row["a"], row["b"])), key=lambda row: row["max_scaled"])
-        where = f"(fewest in {row['quantity']}, where rounding may leave {digits_text(row['tolerance'])})"
+        where = f"(fewest in {row['quantity']}, where rounding may limit them to {digits_text(row['tolerance'])})"
         yield f"{name} as {number_type(name).name} to {digits_text(row['max_scaled'])} digits or more {where}"
 
 

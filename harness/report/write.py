@@ -73,10 +73,12 @@ def write_report(
     except OutputError:  # its message states what is missing
         raise
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"the numbers are in {out}, the report on them is not") from None
+        raise KeyboardInterrupt(f"the numbers are in {out}, but the report was not written") from None
     except Exception as error:  # the numbers took long to compute, and are worth more than a page
         what = f"the report could not be made ({type(error).__name__}: {error})"
-        raise ReportError(what, str(out), "its numbers are there; --debug shows where it broke") from error
+        raise ReportError(
+            what, str(out), "use the numbers, which are complete, and report the traceback that --debug prints"
+        ) from error
     return out
 
 
@@ -139,7 +141,7 @@ class Shown:
 
     def _write(self, out: str | Path, **writing: Any) -> Path:
         if out == "":
-            raise OutputError("is empty, which would be the current folder", "out", "name a folder")
+            raise OutputError("is empty, which would mean the current folder", "out", "choose a folder")
         with locked(Path(out)):
             path: Path = self._report().write(self, Path(out), **writing)
         return path
@@ -177,7 +179,9 @@ def browser() -> str:
     """
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
-        raise OutputError(f"{PDF} needs Chromium or Chrome, and none is found", "", "install one, or leave out the PDF")
+        raise OutputError(
+            f"{PDF} needs Chromium or Chrome, and neither was found", "", "install one, or leave out the PDF"
+        )
     return path
 
 

@@ -31,7 +31,8 @@ def assumptions(scene: Scene) -> tuple[str, ...]:
     numbers = tuple(one.number for one in scene.undriven)
     idle = _idle(scene.mechanism, scene.motion, scene.applied, numbers)
     return tuple(
-        _sentence(scene, one) + " It does not matter to the actuators." * (one.number in idle) for one in scene.undriven
+        _sentence(scene, one) + " The actuator forces do not depend on it." * (one.number in idle)
+        for one in scene.undriven
     )
 
 
@@ -42,9 +43,9 @@ def _sentence(scene: Scene, one: Freedom) -> str:
     if one.rests:
         return f"No actuator drives '{one.label}', and it has no inertia: it rests at {at}."
     if scene.grid is not None:
-        return f"No actuator drives '{one.label}': it rests at {at} in each cell, and accelerates by forces."
-    start = f"{at} at {one.rate:.6g} {unit}/s, {'as the scene says' if one.chosen else 'without momentum along it'}"
-    return f"No actuator drives '{one.label}': its motion follows from the forces, from {start}."
+        return f"No actuator drives '{one.label}': it rests at {at} in each cell and accelerates under the forces."
+    start = f"{at} at {one.rate:.6g} {unit}/s, {'as set in the scene' if one.chosen else 'without momentum along it'}"
+    return f"No actuator drives '{one.label}': its motion follows from the forces, starting at {start}."
 
 
 def check_rest(scene: Scene) -> None:
@@ -64,7 +65,7 @@ def check_rest(scene: Scene) -> None:
         if force.max() > NOTHING * size:
             what = f"'{one.label}' has no inertia and cannot rest: a force of {force.max():.3g} acts along it"
             where = f"t = {motion.t[int(np.argmax(force))]:g} s"
-            raise DescriptionError(what, where, "give its bodies inertia, or take away what acts along it")
+            raise DescriptionError(what, where, "give its bodies inertia, or remove the force")
 
 
 @lru_cache(maxsize=1)  # the arguments are immutable

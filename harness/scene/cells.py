@@ -28,7 +28,7 @@ BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
 NEWTON, PIECES, FINEST = 8, (1, 8), 64
 #: Number of cells near home that are tried as the first cell.
 FIRST = 20
-NOT_REACHED = "the loops do not close there, or not without passing a singular pose on the way from home"
+NOT_REACHED = "the loops do not close there, or only beyond a singular pose, seen from home"
 
 
 Closed = tuple[Array, ...]
@@ -206,7 +206,7 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
     margin = SLACK * sizes  # exclude the limits themselves, where rounding would decide
     for i, k in np.argwhere((q < low + margin) | (q > high - margin)).tolist():
         limits = f"[{low[k]:g}, {high[k]:g}]"
-        found[i] = found[i] or f"'{mechanism.coordinates[k]}' is not within its limits {limits}"
+        found[i] = found[i] or f"'{mechanism.coordinates[k]}' is outside its limits {limits}"
     return found
 
 

@@ -89,10 +89,10 @@ def read_contact(mechanism: Mechanism, table: Any, where: str) -> Contact:
     taken = {*mechanism.coordinates, *mechanism.independent}
     taken |= {joint.name for joint in mechanism.joints} | {one.name for one in mechanism.couplings}
     if name in taken:
-        what = f"a joint, coordinate or coupling of {mechanism.name} is called '{name}'"
-        raise DescriptionError(what, where, "give the contact another name")
+        what = f"'{name}' is already a joint, coordinate or coupling of {mechanism.name}"
+        raise DescriptionError(what, where, "rename the contact")
     if "axis" in table and kind != "hinge":
-        raise DescriptionError(f"a {kind} has no axis", where, "remove it, or let kind be 'hinge'")
+        raise DescriptionError(f"a {kind} has no axis", where, "remove it, or set kind = 'hinge'")
     if kind == "hinge":
         required(table, "axis", where)
     axis = np.eye(3)[2] if given["axis"] is None else given["axis"]
@@ -103,12 +103,11 @@ def read_contacts(mechanism: Mechanism, data: dict[str, Any], where: str) -> tup
     contacts = read_items(data, "contacts", where, partial(read_contact, mechanism))
     names = [contact.name for contact in contacts]
     if again := [name for name in names if names.count(name) > 1]:
-        raise DescriptionError(f"two contacts are called '{again[0]}'", f"{where}, contacts", "name them apart")
+        raise DescriptionError(f"two contacts have the name '{again[0]}'", f"{where}, contacts", "rename one")
     if contacts and (models := data.get("models")):
-        what = (
-            f"{first_few([str(file) for file in models.values()], SHOWN)} has no contacts, as {first_few(names, SHOWN)}"
-        )
-        remedy = "let engines read generated files, or describe the contacts as joints in mechanism and files"
+        files = first_few([str(file) for file in models.values()], SHOWN)
+        what = f"contacts {first_few(names, SHOWN)} are not in {files}"
+        remedy = "use generated model files, or describe the contacts as joints in mechanism and files"
         raise DescriptionError(what, f"{where}, models", remedy)
     return contacts
 
@@ -150,9 +149,11 @@ def independent_of(
     """
     K, names = motions(touching)[0], touching.coordinates
     if not K.shape[1]:
-        raise DescriptionError("the contacts leave no degree of freedom", where, "remove one, or let it be a point")
+        raise DescriptionError(
+            "the contacts leave no degree of freedom", where, "remove one, or set its kind to 'point'"
+        )
     if why := why_singular(touching):
-        remedy = "start the motion at a pose with bent legs: contacts hold bodies where they are then"
+        remedy = "start the motion with bent legs: contacts hold the bodies where they are at the start"
         raise SingularPoseError(f"contacts begin at a singular pose: {why}", where, remedy)
     labels = {**{name: name for name in touching.moving}, **mechanism.independent}
     base = {name for joint in mechanism.joints if not joint.constrains for name in joint.coordinates}

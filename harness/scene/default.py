@@ -73,9 +73,9 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
         worst, steep = linear.condition(system.matrix(q)), np.abs(q[:, mechanism.columns(tuple(middle))])
         inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()
         if beyond := limits_left(mechanism, closed):
-            return f"it would leave the limits of {first_few(beyond, NAMED)}"
+            return f"it would exceed the limits of {first_few(beyond, NAMED)}"
         if not inside:
-            return "it would come near a singular pose"
+            return "it would approach a singular pose"
     return ""
 
 
@@ -94,15 +94,17 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     check_scene_type(scene, "exciting")
     check_seed(seed)
     if scene.simulated:
-        what = "an exciting motion replaces a given one, and that of this scene is integrated"
-        raise DescriptionError(what, scene.name, "run it as it is")
+        what = "an exciting motion can only replace a given motion, and this one is integrated"
+        raise DescriptionError(what, scene.name, "run the scene with its own motion")
     if scene.tables:
         raise DescriptionError(
-            "tables are of the motion of the scene, which this replaces", scene.name, "run it as it is"
+            "tables hold values of the scene's motion, which an exciting motion would replace",
+            scene.name,
+            "run the scene with its own motion",
         )
     if any(load.sampled for load in scene.applied.loads):
-        what = "columns of a load are of the times of their file, which this replaces"
-        raise DescriptionError(what, scene.name, "run it as it is")
+        what = "a load is sampled at the times of its file, which an exciting motion would replace"
+        raise DescriptionError(what, scene.name, "run the scene with its own motion")
     mechanism, lay = scene.mechanism, check_home(scene.mechanism)
     columns = mechanism.independent_columns
     at = motion_at(lay, mechanism.home[None], np.zeros((1, len(columns))))
@@ -134,8 +136,8 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
         if not stopped:
             return _moving(scene, seed, tables, drive, t)
     least = f"{AMPLITUDES[-1]:.1g} rad or lengths"
-    what = f"no motion of {least} about home stays within limits and off singular poses: {stopped}"
-    raise DescriptionError(what, mechanism.where, "widen the limits, or describe it with another home pose")
+    what = f"no motion of {least} about home stays within the limits and away from singular poses: {stopped}"
+    raise DescriptionError(what, mechanism.where, "widen the limits, or choose another home pose")
 
 
 def _whole(scene: Scene, given: Drive) -> Drive | Followed:
@@ -156,7 +158,7 @@ def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Foll
         scene,
         name=f"{scene.name}-exciting-{seed}",
         title=f"{scene.title}, exciting motion of seed {seed}",
-        description=f"{scene.description} An exciting motion, of seed {seed}, takes the place of its own.",
+        description=f"{scene.description} An exciting motion (seed {seed}) replaces its own.",
         task=drive(t),
         drive=drive,
         text={**scene.text, "motion": tables},
@@ -329,7 +331,7 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
         ScrewgaugeError: No scene can be made.
     """
     if file.suffix != ".toml":
-        raise OutputError("is no name of a description", str(file), "let it end in .toml")
+        raise OutputError("is not a file name for a description", str(file), "choose a name that ends in .toml")
     scene = file.with_name(f"{file.stem}{SUFFIX}")
     for path in (file, scene):
         check_free(path, force=force)
@@ -344,7 +346,7 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
             for path, target in zip(made, (file, scene), strict=True):
                 os.replace(path, target)
     except OSError as error:
-        raise OutputError(f"cannot be written ({error.strerror})", str(file), "name another file") from None
+        raise OutputError(f"cannot be written ({error.strerror})", str(file), "choose another file") from None
     return file, scene
 
 

@@ -50,22 +50,22 @@ def read_times(values: list[Any], where: str) -> Array:
     else:
         t = np.array([number(v.item() if isinstance(v, np.generic) else v, where) for v in values])
     if not len(t):
-        raise DescriptionError("there are no times", where, "give at least one time in s")
+        raise DescriptionError("the list of times is empty", where, "add at least one time in s")
     if not np.isfinite(t).all():
-        raise DescriptionError("the times are not all finite numbers", where, "give times in s")
+        raise DescriptionError("times must be finite numbers", where, "write times in s")
     return t
 
 
 def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     if table is None:
         if sampled is None:
-            raise DescriptionError("there is no time grid", where, "add [time] with duration and step, or times")
+            raise DescriptionError("the time grid is missing", where, "add [time] with duration and step, or times")
         return sampled
     given = read_keys("time", table, where)
     if given["times"] is not None:
         if not isinstance(given["times"], list) or len(table) > 1:
             raise DescriptionError(
-                "'times' is not a list on its own", where, "write times = [...], or duration and step"
+                "'times' must be a list, without other keys", where, "write times = [...], or duration and step"
             )
         return read_times(given["times"], f"{where}.times")
     for key in ("duration", "step"):
@@ -116,7 +116,7 @@ def read_points(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple
     taken = [*bodies, *(one.name for one in points)]
     for one in points:
         if taken.count(one.name) > 1:
-            raise DescriptionError(f"the name '{one.name}' is taken", f"{where}, points", "name it differently")
+            raise DescriptionError(f"the name '{one.name}' occurs twice", f"{where}, points", "rename one")
     return points
 
 
@@ -132,11 +132,11 @@ def read_load(mechanism: Mechanism, table: Any, where: str, folder: Path = Path(
     given = read_keys("loads", table, where)
     on, by, point = given["on"], given["by"], given["point"]
     if (on == "environment") == (by == "environment"):
-        raise DescriptionError(f"on = '{on}', by = '{by}'", where, "one is a body, the other 'environment'")
+        raise DescriptionError(f"on = '{on}', by = '{by}'", where, "set one to a body and the other to 'environment'")
     body, sign = (on, 1.0) if by == "environment" else (by, -1.0)
     check_name("body", body, [*(each.name for each in mechanism.bodies), "environment"], where)
     if not {"force", "torque"} & table.keys():
-        raise DescriptionError("the load exerts nothing", where, "give a force or a torque")
+        raise DescriptionError("the load exerts nothing", where, "add a force or a torque")
     at = None if point == "com" else vector(point, f"{where}.point")
     if not any(isinstance(x, dict) for key in ("force", "torque") for x in _as_list(table.get(key))):
         force, torque = (sign * read_vector(table, key, where) for key in ("force", "torque"))
@@ -153,7 +153,7 @@ def _components(table: dict[str, Any], key: str, where: str, folder: Path) -> It
     """Yield the three components of a load, each a number, a course over time, or a column of a CSV file."""
     values, where = table.get(key, [0, 0, 0]), f"{where}.{key}"
     if not isinstance(values, list) or len(values) != 3:
-        raise DescriptionError(f"{shown(values)} is no list of three components", where, "give three of them")
+        raise DescriptionError(f"{shown(values)} is not a list of three components", where, "write three components")
     for axis, value in zip("xyz", values, strict=True):
         if not isinstance(value, dict):
             yield Course.of(number(value, where))
@@ -174,17 +174,17 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     given = read_keys("springs", table, where)
     if ("coordinate" in table) == ("first" in table):
         remedy = "write coordinate = ..., or first, first_point, second, second_point"
-        raise DescriptionError("a spring has either a coordinate or two ends", where, remedy)
+        raise DescriptionError("a spring must have either a coordinate or two ends", where, remedy)
     along = "coordinate" in table
     if along and (odd := [key for key in _ENDS if key in table]):
-        raise DescriptionError(f"'{odd[0]}' does not belong to a joint's spring", where, "remove it")
+        raise DescriptionError(f"'{odd[0]}' is not a key of a spring along a coordinate", where, "remove it")
     kind, apart = (JointSpring, _ENDS) if along else (PointSpring, ("coordinate",))
     try:
         spring: Spring = kind(**{key: value for key, value in given.items() if key not in apart})
     except DescriptionError as error:
         raise DescriptionError(error.what, error.where if where in error.where else where, error.remedy) from None
     if not (spring.stiffness or spring.damping):
-        raise DescriptionError("the spring exerts nothing", where, "give a stiffness or a damping")
+        raise DescriptionError("the spring exerts nothing", where, "add a stiffness or a damping")
     if isinstance(spring, JointSpring):
         check_name("coordinate", spring.coordinate, mechanism.moving, where)
     else:
@@ -198,7 +198,7 @@ def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
     coordinate = check_name("coordinate", read_keys("motors", table, where)["coordinate"], mechanism.moving, where)
     terms = {key: value for key, value in table.items() if key != "coordinate"}
     if not terms:
-        raise DescriptionError("the motor exerts nothing", where, "give offset, polynomial or harmonics")
+        raise DescriptionError("the motor exerts nothing", where, "add offset, polynomial or harmonics")
     return Motor(coordinate, read_course(terms, where))
 
 

@@ -93,7 +93,7 @@ class GridMotion:
     def extent(self) -> str:
         """Sentence with the number of cells, and the assumptions about the cells."""
         n = len(self.missing) + len(self.cells)
-        return f"{len(self.cells)} of {n} cells, each at rest; t counts them in the order of a walk from home"
+        return f"{len(self.cells)} of {n} cells, each at rest; t numbers them in the order of a walk from home"
 
     @property
     def told(self) -> list[str]:
@@ -109,7 +109,7 @@ class GridMotion:
         if not self.missing:
             return ()
         first, n = self.missing[0], len(self.missing) + len(self.cells)
-        told = f"{len(self.missing)} of {n} cells of the grid have no numbers, all named in the report; the first is"
+        told = f"{len(self.missing)} of {n} cells of the grid have no values (the report lists all); the first is"
         return (f"{told} {first.pose}: {first.reason}",)
 
 
@@ -130,12 +130,14 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
     if not entries:
         raise DescriptionError("has no coordinate", f"{where}.{KEY}", "write LABEL = { from, to, count }")
     axes = {label: _axis(entry, f"{where}.{KEY}.{label}") for label, entry in entries.items()}
-    check_count(prod(map(len, axes.values())), "samples", f"{where}.{KEY}", "take fewer cells")
+    check_count(prod(map(len, axes.values())), "samples", f"{where}.{KEY}", "use fewer cells")
     rest = mechanism.home[mechanism.independent_columns].copy()
     for label in every:
         if label in table:
             if label in axes or not (course := read_course(table[label], f"{where}.{label}")).constant:
-                raise DescriptionError("moves beside a grid", f"{where}.{label}", "give a constant offset")
+                raise DescriptionError(
+                    "must not move in a scene with a grid", f"{where}.{label}", "use a constant offset"
+                )
             rest[every.index(label)] = course(0.0)
     places = [every.index(label) for label in axes]
     cells = np.array([*product(*(range(len(values)) for values in axes.values()))])
@@ -145,9 +147,9 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
     reasons, ways, first = examine(mechanism, y, counts, [one.number for one in freedoms])
     order, path, reached = walk(counts, np.array([not why for why in reasons]), ways, first)
     for row in {*range(len(y))} - {*order.tolist()}:
-        reasons[row] = reasons[row] or "it is not reached from home over neighbouring cells"
+        reasons[row] = reasons[row] or "it cannot be reached from home through neighbouring cells"
     if not len(order):
-        what = f"no cell has numbers; the one next to home, {mechanism.described(y[first])}: {reasons[first]}"
+        what = f"no cell has values; the cell nearest to home, {mechanism.described(y[first])}: {reasons[first]}"
         raise DescriptionError(what, f"{where}.{KEY}", "move or refine the grid")
     lost = [
         Missing(tuple(cells[row].tolist()), mechanism.described(y[row]), why) for row, why in enumerate(reasons) if why
@@ -170,8 +172,8 @@ def _undriven(mechanism: Mechanism, axes: Collection[str]) -> tuple[Freedom, ...
 def check_contours(figures: Sequence[Figure], grid: GridMotion | None, where: str) -> None:
     """Reject contour plots in a scene without a grid over two coordinates."""
     if any(one.contour for one in figures) and (grid is None or len(grid.axes) != 2):
-        what = "a contour plot is drawn over a grid of two coordinates"
-        raise DescriptionError(what, f"{where}, figures", "add [motion.grid] over two, or remove contour")
+        what = "a contour plot needs a grid of two coordinates"
+        raise DescriptionError(what, f"{where}, figures", "add a [motion.grid] of two coordinates, or remove contour")
 
 
 def check_timeless(data: Collection[str], applied: Applied, where: str) -> None:
@@ -184,11 +186,11 @@ def check_timeless(data: Collection[str], applied: Applied, where: str) -> None:
     timed += ["motors"] * any(not motor.course.constant for motor in applied.motors)
     timed += ["loads"] * any(load.courses for load in applied.loads)
     if timed:
-        raise DescriptionError(f"'{timed[0]}' goes by time, which a grid does not know", where, "remove it")
+        raise DescriptionError(f"'{timed[0]}' depends on time, and a grid has no time", where, "remove it")
 
 
 def _axis(entry: Any, where: str) -> Array:
     begin, end, count = read_keys("grid", entry, where).values()
     if begin == end:
-        raise DescriptionError("from and to are the same", where, "write motion.LABEL = { offset }")
+        raise DescriptionError("'from' and 'to' are equal", where, "write motion.LABEL = { offset }")
     return np.linspace(begin, end, count)

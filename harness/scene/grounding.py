@@ -6,8 +6,8 @@ attachment like any other joint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from screwgauge.models.home import check_home
 from screwgauge.models.importing.model import scratch_folder
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.assembly_mode import positions
-from screwgauge.reference.couplings import Fixing
 from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.errors import DescriptionError, first_few
 from screwgauge.reference.expressions import number
@@ -29,7 +28,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, read_list, required
 from screwgauge.scene.contacts import Contact, independent_of, read_contacts, touching_at
 from screwgauge.scene.grid import is_grid
-from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
+from screwgauge.scene.motion import moved_labels, read_drive
 from screwgauge.scene.scene import RULES
 
 #: Slip of a contact [lengths of the mechanism or rad]: closure residual, and the largest that encoders explain.
@@ -39,23 +38,6 @@ SHOWN = 6
 
 #: Function of a scene's tables, the mechanism, the times of motion samples, and the scene's file; returns the times.
 Times = Callable[[dict[str, Any], Mechanism, Array | None, Path], Array]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Named:
-    """Coordinates for which a scene gives a motion or a start.
-
-    Attributes:
-        labels: Names in the order of the scene.
-        start: Values at the first time [rad or m].
-        drive: Motion of the coordinates, unless it is integrated.
-        t: Times of the scene, if its motion is given [s]. Shape (n,).
-    """
-
-    labels: tuple[str, ...]
-    start: Array
-    drive: Analytic | Sampled | None = None
-    t: Array | None = None
 
 
 def hold_to_ground(
@@ -78,20 +60,23 @@ def hold_to_ground(
             the motion would make a contact slip.
     """
     if "stance" in data and not data.get("contacts"):
-        raise DescriptionError("there is a stance and no contact", str(path), "add [[contacts]], or remove it")
+        raise DescriptionError("'stance' needs a contact", str(path), "add [[contacts]], or remove stance")
     if not data.get("contacts") and ("forward" in data or all(joint.constrains for joint in mechanism.joints)):
         read_list(data, "contacts", str(path))
         return file, mechanism, data
     if is_grid(data.get("motion"), mechanism):
-        what = "a grid knows no contacts and no base that floats"
-        raise DescriptionError(what, f"{path}, motion", "describe what holds the mechanism by joints")
+        what = "a grid supports neither contacts nor a floating base"
+        raise DescriptionError(what, f"{path}, motion", "describe the support of the mechanism with joints")
     contacts = read_contacts(mechanism, data, str(path))
-    named, said = _read_names(mechanism, [contact.name for contact in contacts], data, path, times), list[str]()
-    at = mechanism
+    known = [*dict.fromkeys([*mechanism.independent, *mechanism.moving, *(contact.name for contact in contacts)])]
+    labels = _moved_labels(mechanism, known, contacts, data, path) if "forward" not in data else []
+    motion = _motion(mechanism, labels, data, path, times) if "forward" not in data else None
+    start = _start(data, known, path) if motion is None else dict(zip(labels, motion.y[0].tolist(), strict=True))
+    at, said = mechanism, list[str]()
     if contacts:
-        at, said, data = _in_contact(mechanism, contacts, named, data, path)
-    if named.drive is not None:
-        at = _with_base_held(at, [mechanism.independent.get(label, label) for label in named.labels])
+        at, said, data = _in_contact(mechanism, contacts, start, motion, data, path)
+    if motion is not None:
+        at = _with_base_held(at, [mechanism.independent.get(label, label) for label in labels])
     said += [_said_of_base(joint) for joint in at.joints if joint.held]
     if at is mechanism:
         return file, mechanism, data
@@ -101,18 +86,23 @@ def hold_to_ground(
 
 
 def _in_contact(
-    mechanism: Mechanism, contacts: Sequence[Contact], named: _Named, data: dict[str, Any], path: Path
+    mechanism: Mechanism,
+    contacts: Sequence[Contact],
+    start: Mapping[str, float],
+    motion: GivenMotion | None,
+    data: dict[str, Any],
+    path: Path,
 ) -> tuple[Mechanism, list[str], dict[str, Any]]:
     """Return the mechanism with contacts, its assumptions, and the tables without motions of dependent coordinates."""
     where = f"{path}, contacts"
-    stance = _stance(mechanism, named, data.get("stance", {}), f"{path}, stance")
+    stance = _stance(mechanism, start, data.get("stance", {}), f"{path}, stance")
     touching = touching_at(mechanism, contacts, stance, where)
-    independent, surplus = independent_of(touching, mechanism, named.labels, where)
+    independent, surplus = independent_of(touching, mechanism, [*start], where)
     touching = replace(touching, independent=independent)
     said = [
         _assumption(contacts),
         *_rule_note(touching, data),
-        *_follow(mechanism, touching, named, surplus, contacts, str(path)),
+        *_follow(mechanism, touching, [*start], motion, surplus, contacts, f"{path}, motion"),
     ]
     return touching, said, _drop_motion(data, surplus)
 
@@ -140,8 +130,8 @@ def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
 def _said_of_base(base: Joint) -> str:
     """Return a sentence on the force that the prescribed motion of a base requires."""
     return (
-        f"the motion of {base.child} is given and no actuator drives it: actuator_force has what the ground would have "
-        f"to exert along {first_few(base.held, len(base.coordinates))}"
+        f"the motion of {base.child} is given and no actuator drives it: actuator_force includes what the ground would "
+        f"have to exert along {first_few(base.held, len(base.coordinates))}"
     )
 
 
@@ -154,42 +144,49 @@ def _is_led_to(mechanism: Mechanism, base: Joint) -> bool:
     return root(group, GROUND) == root(group, base.child)
 
 
-def _read_names(
-    mechanism: Mechanism, contacts: Sequence[str], data: dict[str, Any], path: Path, times: Times
-) -> _Named:
-    """Read the coordinates that the scene names.
+def _start(data: dict[str, Any], known: Collection[str], path: Path) -> dict[str, float]:
+    """Read the start of a simulation: name of a coordinate -> value [rad or m].
 
     Raises:
-        ScrewgaugeError: A name is neither a label nor a coordinate, or the motion cannot be read.
+        ScrewgaugeError: A name is not among the known ones, or a value is not a number.
     """
-    known = [*dict.fromkeys([*mechanism.independent, *mechanism.moving, *contacts])]
-    if "forward" in data:
-        start = data["forward"].get("start", {}) if isinstance(data["forward"], dict) else {}
-        check_keys(start, known, f"{path}, forward.start")
-        values = {label: number(value, f"{path}, forward.start.{label}") for label, value in start.items()}
-        return _Named(tuple(values), np.array([*values.values()]))
+    start = data["forward"].get("start", {}) if isinstance(data["forward"], dict) else {}
+    check_keys(start, known, f"{path}, forward.start")
+    return {label: number(value, f"{path}, forward.start.{label}") for label, value in start.items()}
+
+
+def _moved_labels(
+    mechanism: Mechanism, known: Collection[str], contacts: Sequence[Contact], data: dict[str, Any], path: Path
+) -> list[str]:
+    """Return the names of the coordinates for which the scene gives a motion, in its order.
+
+    Raises:
+        ScrewgaugeError: The motion is missing, or a name is not among the known ones.
+    """
     motion, where = required(data, "motion", str(path)), f"{path}, motion"
     if isinstance(motion, dict) and "csv" in motion:
-        labels = moved_labels(motion, [*mechanism.independent, *contacts], path.parent, where)
-    else:
-        check_keys(motion, known, where)
-        labels = [*motion]
-    drive, sampled = read_drive(motion, labels, path.parent, where)
-    t = times(data, mechanism, sampled, path)
-    return _Named(tuple(labels), drive(t[:1]).y[0], drive, t)
+        names = [*mechanism.independent, *(contact.name for contact in contacts)]
+        return moved_labels(motion, names, path.parent, where)
+    check_keys(motion, known, where)
+    return [*motion]
 
 
-def _stance(mechanism: Mechanism, named: _Named, table: Any, where: str) -> Array:
+def _motion(mechanism: Mechanism, labels: list[str], data: dict[str, Any], path: Path, times: Times) -> GivenMotion:
+    """Read the given motion of some coordinates, at the times of the scene."""
+    drive, sampled = read_drive(data["motion"], labels, path.parent, f"{path}, motion")
+    return drive(times(data, mechanism, sampled, path))
+
+
+def _stance(mechanism: Mechanism, start: Mapping[str, float], table: Any, where: str) -> Array:
     """Return all coordinates of the description without contacts, at the pose where contacts begin. Shape (n_q,).
 
     Each coordinate has its value at the start of the motion, or else its value in ``[stance]``, or else at home.
     """
     check_keys(table, mechanism.independent, where)
-    if twice := [label for label in table if label in named.labels]:
-        raise DescriptionError(f"'{twice[0]}' has a motion, which begins where it begins", where, "remove it here")
+    if twice := [label for label in table if label in start]:
+        raise DescriptionError(f"'{twice[0]}' has a motion, which determines its start", where, "remove the entry")
     home = mechanism.home[mechanism.independent_columns]
-    given = dict(zip(named.labels, named.start.tolist(), strict=True))
-    given |= {label: number(value, f"{where}.{label}") for label, value in table.items()}
+    given = {**start, **{label: number(value, f"{where}.{label}") for label, value in table.items()}}
     y = np.array([given.get(label, value) for label, value in zip(mechanism.independent, home, strict=True)])
     if np.array_equal(y, home):
         return mechanism.home
@@ -209,7 +206,7 @@ def _rule_note(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
     """Yield a sentence on the rule for actuator forces if actuators can counteract each other through contacts."""
     if len(touching.actuators) > len(touching.independent) and "forward" not in data:
         yield (
-            f"with contacts {len(touching.actuators)} actuators drive {len(touching.independent)} freedoms: they can "
+            f"with contacts, {len(touching.actuators)} actuators drive {len(touching.independent)} freedoms: they can "
             f"strain the mechanism against the ground; the rule {data.get('rule', RULES[0])} chooses how they share"
         )
 
@@ -217,10 +214,11 @@ def _rule_note(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
 def _follow(
     mechanism: Mechanism,
     touching: Mechanism,
-    named: _Named,
+    labels: Sequence[str],
+    motion: GivenMotion | None,
     surplus: Sequence[str],
     contacts: Sequence[Contact],
-    scene: str,
+    where: str,
 ) -> list[str]:
     """Report given coordinates that depend on others, and how far the given motion makes contacts slip.
 
@@ -229,20 +227,19 @@ def _follow(
     """
     if not surplus:
         return []
-    where = f"{scene}, motion"
     if beyond := [label for label in surplus if label not in mechanism.independent]:
         what = f"'{beyond[0]}' follows from {first_few([*touching.independent], SHOWN)}"
         raise DescriptionError(what, where, "remove it")
-    leads = [label for label in touching.independent if label in named.labels]
-    if not leads and named.drive is not None:
-        what = f"contacts hold {first_few(surplus, SHOWN)}, so that nothing with a motion moves"
-        raise DescriptionError(what, where, "remove a contact, or let the rest move by [forward]")
-    said = f"with contacts {first_few(surplus, SHOWN)} follow from {first_few(leads, SHOWN)}"
-    if named.drive is None or named.t is None:
+    leads = [label for label in touching.independent if label in labels]
+    if not leads and motion is not None:
+        what = f"contacts hold {first_few(surplus, SHOWN)}, so that no coordinate with a motion can move"
+        raise DescriptionError(what, where, "remove a contact, or simulate with [forward]")
+    said = f"with contacts, {first_few(surplus, SHOWN)} follow from {first_few(leads, SHOWN)}"
+    if motion is None:
         return [said]
     if len(leads) < len(touching.independent):
-        return [f"{said}; how far the motion given would slide contacts depends on what no actuator drives"]
-    ways, t = _slides(mechanism, touching, named.drive(named.t), named.labels, contacts), named.t
+        return [f"{said}; how far the given motion would slide the contacts depends on coordinates without an actuator"]
+    ways, t = _slides(mechanism, touching, motion, labels, contacts), motion.t
     ways[:, :, 0] /= (size := length(layout(mechanism)))
     far = [
         f"'{contact.name}' by {1e3 * size * slide.max():.3g} mm and {1e3 * turn.max():.3g} mrad "
@@ -252,9 +249,9 @@ def _follow(
     ]
     if not far:
         return [said]
-    sentence = f"{said}: the motion given would slide {first_few(far, SHOWN)}"
+    sentence = f"{said}: the given motion would slide {first_few(far, SHOWN)}"
     if ways.max() > FARTHEST:
-        raise DescriptionError(sentence, where, f"leave {first_few(surplus, SHOWN)} out of the motion, or correct it")
+        raise DescriptionError(sentence, where, f"remove {first_few(surplus, SHOWN)} from the motion, or correct it")
     return [sentence]
 
 
@@ -293,7 +290,7 @@ def _write(file: Path, mechanism: Mechanism, changed: Mechanism) -> Path:
                 entries["held"] = joint.held
         out += ["", f"[joints.{key(joint.name)}]", *lines(entries)] if entries else []
     for one in changed.couplings[len(mechanism.couplings) :]:
-        if not isinstance(one, Fixing):
+        if not one.fixing:
             held = {"coordinate": one.coordinate, "polynomial": one.function.polynomial}
             out += ["", f"[couplings.{key(one.name)}]", *lines(held)]
     written = scratch_folder() / file.name

@@ -79,7 +79,7 @@ def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, whe
     check_keys(table, mechanism.independent, where)
     for label in table:
         if label in motion:
-            raise DescriptionError(f"'{label}' has a motion, too", where, f"remove motion.{label} or idle.{label}")
+            raise DescriptionError(f"'{label}' also has a motion", where, f"remove motion.{label} or idle.{label}")
     return {label: read_keys("idle", entry, f"{where}.{label}") for label, entry in table.items()}
 
 
@@ -98,7 +98,7 @@ def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> N
     if len(driven) < len(given):
         names = first_few((f"'{every[k]}'" for k in given if k not in driven), 4)
         raise DescriptionError(
-            f"no actuator drives {names}", where, "leave it out of [motion]: its motion follows from the forces"
+            f"no actuator drives {names}", where, "remove it from [motion]: its motion follows from the forces"
         )
 
 
@@ -144,8 +144,8 @@ class Followed:
     def between(self, t: Array) -> GivenMotion:
         """Return the motion at times [s], interpolated between the samples of its file."""
         if (early := np.flatnonzero(t < self.since)).size:
-            what = f"starts at t = {self.since:g} s, with what no actuator drives"
-            raise DescriptionError(what, "motion", f"ask for no times before, such as {t[early[0]]:g} s")
+            what = f"coordinates without an actuator start at t = {self.since:g} s"
+            raise DescriptionError(what, "motion", f"remove earlier times, such as {t[early[0]]:g} s")
         return GivenMotion(t, *self._motion(t), self.between, self._motion.idle)
 
     @property
@@ -179,15 +179,17 @@ class Followed:
         yd[0] = self._rates_without_momentum(y, yd, idle, [k for k in idle if k not in chosen])
         for k in every:
             if k not in idle and rates.get(k):
-                what = f"'{labels[k]}' has no inertia, so that it has no rate of its own"
-                raise DescriptionError(what, f"idle.{labels[k]}", "leave the rate out: it rests")
+                what = f"'{labels[k]}' has no inertia, so its rate cannot be chosen"
+                raise DescriptionError(what, f"idle.{labels[k]}", "remove the rate: the coordinate rests")
         return tuple(Freedom(labels[k], k, float(y[0, k]), float(yd[0, k]), k in chosen, k not in idle) for k in every)
 
     @cached_property
     def _motion(self) -> IdleMotion:
         if sampled := [load.body for load in self.applied.loads if load.sampled]:
-            what = f"what no actuator drives is followed between the samples of the load on '{sampled[0]}'"
-            raise DescriptionError(what, "loads", "give the load as a course over time, or all coordinates a motion")
+            what = f"coordinates without an actuator are integrated between the samples of the load on '{sampled[0]}'"
+            raise DescriptionError(
+                what, "loads", "define the load as a function of time, or give all coordinates a motion"
+            )
         idle = [one for one in self.freedoms if not one.rests]
         return IdleMotion(
             mechanism=self.mechanism,

@@ -26,7 +26,7 @@ TABLES: dict[str, dict[str, Any]] = read_toml(Path(__file__).with_name("keys.tom
 
 def _count(value: Any, key: str, where: str) -> int:
     if type(value) is not int or value < 2:
-        raise DescriptionError(f"{key} is {shown(value)}", where, "give a whole number of at least 2")
+        raise DescriptionError(f"{key} is {shown(value)}", where, "use a whole number of at least 2")
     return value
 
 
@@ -71,7 +71,7 @@ def _read(key: str, one: dict[str, Any], table: dict[str, Any], where: str) -> A
         least, most = map(float, one["between"])
         if not least < value < most:
             what = f"{value:g} is not between {least:g} and {most:g}"
-            raise DescriptionError(what, f"{where}.{key}", "give such a number")
+            raise DescriptionError(what, f"{where}.{key}", "use a number in this range")
     return value
 
 

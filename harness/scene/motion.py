@@ -38,10 +38,10 @@ def read_columns(path: Path, wanted: list[str] | None = None, why: str = "") -> 
     columns: dict[str, Array] = {}
     for column in [*data.columns] if wanted is None else wanted:
         if column not in data.columns:
-            names = f"give all of {', '.join(wanted or ())} ({why})"
+            names = f"include all of {', '.join(wanted or ())} ({why})"
             raise DescriptionError(f"column '{column}' is missing", str(path), names)
         if f"{column}.1" in data.columns:  # pandas renames a second column of that name
-            raise DescriptionError(f"column '{column}' is there twice", str(path), "remove one")
+            raise DescriptionError(f"column '{column}' occurs twice", str(path), "remove one")
         columns[column] = numbers(data[column], f"column '{column}'", str(path))
     return columns
 
@@ -70,7 +70,7 @@ def _csv(path: Path) -> DataFrame:
     _check_fields(text, str(path))
     if head and "," not in head[0] and (other := re.search("[;\t]", head[0])):
         what = f"its columns are separated by {'a tab' if other[0] == chr(9) else repr(other[0])}"
-        raise DescriptionError(what, str(path), "separate them by commas, with decimal points in the numbers")
+        raise DescriptionError(what, str(path), "separate columns by commas and use decimal points")
     how: dict[str, Any] = {"dtype": str, "keep_default_na": False, "comment": "#", "index_col": False}
     try:
         with warnings.catch_warnings():
@@ -88,7 +88,7 @@ def _check_fields(text: str, where: str) -> None:
     lines = [line.partition("#")[0] for line in text.splitlines()]
     check_count(max((line.count(",") + 1 for line in lines), default=0), "CSV columns", where)
     if any(line.count('"') % 2 for line in lines):
-        raise DescriptionError("a text in quotes goes over several lines", where, "write each row on one line")
+        raise DescriptionError("a quoted text spans several lines", where, "write each row on one line")
 
 
 def read_parquet(path: Path) -> DataFrame:
@@ -99,7 +99,7 @@ def read_parquet(path: Path) -> DataFrame:
     """
     content = read_bytes(path, "MB of CSV")
     if find_spec("pyarrow") is None:
-        raise DescriptionError("needs pyarrow, which is not installed", str(path), "run pip install pyarrow")
+        raise DescriptionError("Parquet needs pyarrow, which is not installed", str(path), "run pip install pyarrow")
     from pyarrow.parquet import ParquetFile
 
     try:
@@ -155,9 +155,7 @@ class Analytic:
         finite = np.isfinite(np.concatenate([y, yd, ydd], axis=1)).all(axis=1)
         if not finite.all():
             late = t[np.argmin(finite)]
-            raise DescriptionError(
-                f"grows beyond all numbers at t = {late:g} s", self.where, "shorten or slow the motion"
-            )
+            raise DescriptionError(f"overflows at t = {late:g} s", self.where, "shorten or slow the motion")
         return GivenMotion(t, y, yd, ydd, self)
 
 
@@ -184,7 +182,7 @@ class Sampled:
             raise DescriptionError(
                 f"has no sample at t = {t[wrong[0]]:g} s",
                 str(self.file),
-                "ask for times of the file; none are interpolated",
+                "use times of the file: samples are not interpolated",
             )
         return self.samples.part(rows)
 
@@ -212,7 +210,7 @@ class Sampled:
                 moved, apart = np.abs(x - x[0]).max(), np.abs(x - x[0] - integral).max()
             if not apart <= max(moved / 2.0, np.abs(integral).max() / 2.0, _STILL):
                 sentences.append(
-                    f"{self.file.name}: {label}d{order} is no derivative of {label}{order} (its integral is up to "
+                    f"{self.file.name}: {label}d{order} is not the derivative of {label}{order} (its integral is up to "
                     f"{apart:.3g} off, {label}{order} moves by {moved:.3g}; check units, signs and step)"
                 )
         return tuple(sentences)
@@ -284,7 +282,7 @@ def _read_samples(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"
-        raise DescriptionError(what, str(path), "give the independent coordinates other labels")
+        raise DescriptionError(what, str(path), "rename the independent coordinates")
     columns = read_columns(path, wanted, "derivatives are required")
     check_times(t := columns["t"], str(path))
     arrays = [np.stack([columns[f"{label}{order}"] for label in labels], axis=1) for order in ("", "d", "dd")]

@@ -43,15 +43,6 @@ class Observable:
     axis: int = 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Known:
-    """Values of the observables from an independent source."""
-
-    source: str
-    t: Array
-    values: Array
-
-
 @dataclass(frozen=True, slots=True)
 class Published:
     """A published result.
@@ -76,10 +67,10 @@ def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
     given = read_keys("observables", table, where)
     name, coordinate = given["name"], given["coordinate"]
     if not name or "," in name:
-        raise DescriptionError(f"'{name}' is no name", f"{where}.name", "write letters, digits and dots")
+        raise DescriptionError(f"'{name}' is not a name", f"{where}.name", "use letters, digits and dots")
     if ("coordinate" in table) == ("body" in table):
         raise DescriptionError(
-            f"observable '{name}' is either a coordinate or a point of a body",
+            f"observable '{name}' must be either a coordinate or a point of a body",
             where,
             "write coordinate = ..., or body, point, axis",
         )
@@ -93,15 +84,14 @@ def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
     return Observable(name, "m", body=given["body"], point=given["point"], axis="xyz".index(given["axis"]))
 
 
-def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Known:
+def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Recorded:
     """Read ``[reference]``: a CSV file with t and the observables; additional columns are ignored."""
     given = read_keys("reference", table, where)
     if not names:
-        raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
+        raise DescriptionError("the scene has no observables to compare it with", where, "add [[observables]]")
     path = named_file(folder, given["file"])
     columns = read_columns(path, ["t", *names], "the observables of the scene are required")
-    check_times(t := columns["t"], str(path))
-    return Known(given["source"], t, np.stack([columns[name] for name in names], axis=1))
+    return Recorded(columns.pop("t"), columns, file=path, source=given["source"])
 
 
 def read_published(table: Any, where: str) -> Published:
@@ -123,7 +113,7 @@ def observe(lay: Layout, observables: Sequence[Observable], q: Array) -> Values:
     return _values(observables, np.stack(columns, axis=1))
 
 
-def known_values(known: Known, observables: Sequence[Observable], t: Array, where: str) -> tuple[Values, Rows]:
+def known_values(known: Recorded, observables: Sequence[Observable], t: Array, where: str) -> tuple[Values, Rows]:
     """Return the reference values at the times of a scene, NaN where missing, and the indices of the rows with values.
 
     Raises:
@@ -133,9 +123,9 @@ def known_values(known: Known, observables: Sequence[Observable], t: Array, wher
     rows, same = same_times(t, known.t)
     if not rows.size:
         raise DescriptionError(
-            "the reference has none of the scene's times", where, "leave out [time], or change its step"
+            "the reference has no sample at the scene's times", where, "remove [time], or change its step"
         )
-    array[rows] = known.values[same]
+    array[rows] = known.array[same]
     return _values(observables, array), rows
 
 
@@ -190,8 +180,8 @@ class Header:
     def check_unit(self, unit: str, where: str) -> None:
         """Reject a unit that is neither the component's unit nor convertible to it."""
         if not self.of(self.quantity, unit):
-            remedy = f"give it in {unit}; `review` tells the unit of numbers under a header without one"
-            raise DescriptionError(f"column '{self.text}' is in {unit} here", where, remedy)
+            remedy = f"convert it to {unit}, or drop the unit from the header: `review` then finds it"
+            raise DescriptionError(f"column '{self.text}' must be in {unit}", where, remedy)
 
 
 def read_header(text: str) -> Header:
@@ -214,6 +204,7 @@ class Recorded:
             quantity].
         file: File from which the numbers were read.
         header: Header of the time column in that file.
+        source: Origin of the numbers, if stated.
 
     Raises:
         DescriptionError: A number is missing, or the times do not increase.
@@ -224,14 +215,15 @@ class Recorded:
     error: Mapping[str, float] = field(default_factory=dict)
     file: Path | None = None
     header: str = TIMES[0]
+    source: str = ""
 
     def __post_init__(self) -> None:
         if np.ndim(self.t) != 1:
-            raise DescriptionError("are no list of times", f"t of {self.where}", "give a list of times in s")
+            raise DescriptionError("is not a list of times", f"t of {self.where}", "pass a list of times in s")
         t = numbers(self.t, "column 't'", self.where)
         check_times(t, self.where)
         if not self.columns:
-            raise DescriptionError("has no column besides t", self.where, "name columns as components are named")
+            raise DescriptionError("has no column besides t", self.where, "name the columns after components")
         if not isinstance(self.error, Mapping):
             raise DescriptionError(f"error {shown(self.error)} is not a table", self.where, "write quantity = number")
         error = {name: positive(value, f"{self.where}, error.{name}") for name, value in self.error.items()}
@@ -245,6 +237,11 @@ class Recorded:
         return str(self.file or "arrays")
 
     @property
+    def array(self) -> Array:
+        """Columns side by side. Shape (n, n_column)."""
+        return np.stack([*self.columns.values()], axis=1)
+
+    @property
     def converted(self) -> list[str]:
         """Headers of the columns whose values were converted to SI units."""
         return [name for name in (self.header, *self.columns) if read_header(name).factor != 1.0]
@@ -253,7 +250,7 @@ class Recorded:
         values = self.columns[name]
         if np.shape(values) != (len(self.t),):
             what = f"column '{name}' has shape {np.shape(values)}, for {len(self.t)} times"
-            raise DescriptionError(what, self.where, "give a number for each time")
+            raise DescriptionError(what, self.where, "pass one number per time")
         return numbers(values, f"column '{name}'", self.where)
 
 
@@ -270,7 +267,7 @@ def read_tables(tables: Any, folder: Path, where: str) -> dict[str, Recorded]:
 
 def _read(name: str, entry: Any, folder: Path, where: str) -> Recorded:
     if not _NAME.fullmatch(name):
-        raise DescriptionError(f"'{name}' is no name", where, "write letters, digits, dots and dashes")
+        raise DescriptionError(f"'{name}' is not a name", where, "use letters, digits, dots and dashes")
     given = read_keys("tables", {"file": entry} if isinstance(entry, str) else entry, f"{where}.{name}")
     return read_recorded(named_file(folder, given["file"]), given["error"])
 
@@ -289,11 +286,11 @@ def read_recorded(path: Path, error: Any = None) -> Recorded:
     found = ([header for header in headers if (header.quantity, header.component) == ("", name)] for name in TIMES)
     times = next(filter(None, found), [])
     if len(times) != 1:
-        what = "times are there twice" if times else "column 't' is missing"
-        raise DescriptionError(what, str(path), "give one column t with the times in s")
+        what = "there are two columns of times" if times else "column 't' is missing"
+        raise DescriptionError(what, str(path), "keep one column t with the times in s")
     (time,) = times
     if not time.of("", "s"):
-        raise DescriptionError(f"column '{time.text}' is in s here", str(path), "give it in s, ms or us")
+        raise DescriptionError(f"column '{time.text}' must be a time", str(path), "convert it to s, ms or us")
     t = columns.pop(time.text) * time.factor
     return Recorded(t, columns, {} if error is None else error, path, time.text)
 
@@ -308,8 +305,8 @@ def merge_times(t: Array, tables: Iterable[Recorded]) -> Array:
     for table in tables:
         beyond = table.t[~np.isclose(table.t, np.clip(table.t, first, last), rtol=1e-12, atol=1e-15)]
         if beyond.size:
-            what = f"t = {beyond[0]:g} s is not within the scene, {first:g} to {last:g} s"
-            raise DescriptionError(what, table.where, "give times in s, or lengthen the scene")
+            what = f"t = {beyond[0]:g} s is outside the scene, which lasts from {first:g} to {last:g} s"
+            raise DescriptionError(what, table.where, "convert times to s, or extend the scene")
         further = np.delete(table.t, same_times(t, table.t)[1])
         t = np.sort(np.concatenate([t, further])) if further.size else t
     return t

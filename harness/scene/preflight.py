@@ -56,7 +56,7 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
     if (np.abs(start - home) <= FAR * size).all():
         return ()
     places = mechanism.described(start), mechanism.described(home)
-    return (f"the motion starts at {places[0]}, home is {places[1]} (coordinates do not count from home)",)
+    return (f"the motion starts at {places[0]}, home is {places[1]} (coordinates are not measured from home)",)
 
 
 @lru_cache(maxsize=1)  # both arguments are immutable, and a smoke test runs a scene several times
@@ -98,7 +98,7 @@ def check_actuation(
         if {*quantities} == {*GIVEN}:
             return rest, (f"{' and '.join(ruled)} are left out: {short} ({remedy} to compare them)",)
         if ruled:
-            raise DescriptionError(short, mechanism.where, f"{remedy} or ask for no {' and '.join(ruled)}")
+            raise DescriptionError(short, mechanism.where, f"{remedy} or do not request {' and '.join(ruled)}")
     if len(rest) == len(quantities):
         return rest, ()
     if scene.rule == "spherical_axial" and RULED & {*ruled} and freedoms.actuation_redundancy != 2:
@@ -115,7 +115,7 @@ def _left_to_forces(mechanism: Mechanism, driven: int) -> str:
     if not driven:
         return "actuate more joints"
     names = first_few((f"'{label}'" for label in undriven_labels(mechanism)), 4)
-    return f"leave {names} out of [motion], so that the motion follows from the forces,"
+    return f"remove {names} from [motion], so that the motion follows from the forces,"
 
 
 def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -133,7 +133,7 @@ def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
         i, unit = far[0, 0], mechanism.units[mechanism.independent_columns[far[0, 1]]]
         raise DescriptionError(
             f"the motion jumps to {mechanism.described(motion.y[i])}, "
-            f"farther than {FARTHEST:g} {unit} from the sample or home pose before",
+            f"more than {FARTHEST:g} {unit} from the previous sample or the home pose",
             f"t = {motion.t[i]:g} s",
             "check its units or take shorter steps",
         )
@@ -147,7 +147,7 @@ def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tupl
         return None
     i, k = beyond[0]
     value = f"{q[i, k]:.6g}{f' {mechanism.units[k]}' if unit else ''}"
-    return i, f"'{mechanism.coordinates[k]}' = {value} is beyond its limits [{low[k]:g}, {high[k]:g}]"
+    return i, f"'{mechanism.coordinates[k]}' = {value} is outside its limits [{low[k]:g}, {high[k]:g}]"
 
 
 def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
@@ -207,9 +207,9 @@ class SampleWalk:
         if not i:
             return SingularPoseError(
                 f"the motion lies beyond a singular pose, seen from home, at {described(motion.y[0])} "
-                f"(the way from home meets one at {meets}): {near}",
+                f"(the path from home meets one at {meets}): {near}",
                 f"t = {times[0]:g} s",
-                "keep it on the side of home, or describe the mechanism with a home pose beyond",
+                "keep it on the side of home, or choose a home pose beyond the singular one",
             )
         what = f"the motion passes through a singular pose near {meets}: {near}"
         return SingularPoseError(
@@ -264,7 +264,7 @@ def doubts(scene: Scene) -> tuple[str, ...]:
 
 def _angles(scene: Scene) -> Iterator[tuple[int, str, int]]:
     """Yield the independent coordinates that are hinge angles: index, label and column."""
-    mechanism, free = scene.mechanism, {hinge.name for hinge in hinges(scene.mechanism)}
+    mechanism, free = scene.mechanism, {joint.coordinates[i] for joint, i in hinges(scene.mechanism)}
     for k, label in enumerate(mechanism.independent):
         column = int(mechanism.independent_columns[k])
         if mechanism.coordinates[column] in free:

@@ -173,7 +173,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     observables = read_items(data, "observables", where, partial(read_observable, mechanism))
     names = [observable.name for observable in observables]
     if len(set(names)) < len(names):
-        raise DescriptionError("two observables share a name", f"{where}, observables", "name them apart")
+        raise DescriptionError("two observables have the same name", f"{where}, observables", "rename one")
     known = None
     if "reference" in data:
         known = read_known(data["reference"], names, path.parent, f"{where}, reference")
@@ -182,8 +182,8 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     check_order(t, task.since)
     applied = _read_forces(data, mechanism, where)
     if any(load.sampled for load in applied.loads):
-        what = "a column of a CSV says nothing between its times, where a simulation asks"
-        raise DescriptionError(what, f"{where}, loads", "give polynomial and harmonics")
+        what = "a CSV column has no values between its samples, where a simulation needs them"
+        raise DescriptionError(what, f"{where}, loads", "use polynomial and harmonics")
     if not (_acts(applied) or mechanism.resistances):
         remedy = "add gravity, [[loads]], [[springs]] or [[motors]]"
         raise DescriptionError("nothing exerts a force in this forward scene", where, remedy)

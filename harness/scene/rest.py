@@ -50,7 +50,7 @@ def rest_warning(scene: Scene) -> Iterator[str]:
     rows = np.flatnonzero(np.any([*rests.values()], axis=0))
     named = (f"{one.coordinate} (up to {one.amount:g} {one.unit})" for one in rests)
     yield (
-        "Dry friction counts as none where a joint rests, and may be anything up to its size there: at "
+        "Dry friction is taken as zero where a joint rests, although it may be anything up to its limit: at "
         f"{len(rows)} of {len(scene.t)} samples, first at t = {scene.t[rows[0]]:g} s, of {first_few(named, SHOWN)}. "
-        "Forces that depend on it are not unique there, and those of tables are not compared."
+        "Forces that depend on it are not unique there, and tables of them are not compared."
     )

@@ -19,7 +19,7 @@ from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.parameters import Subject, changed_to, chosen, geometric
+from screwgauge.reference.parameters import applied_with, changed_to, chosen, geometric, mechanism_with, numbers
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name
@@ -28,7 +28,7 @@ from screwgauge.scene.grid import GridMotion
 from screwgauge.scene.idle import Followed, Freedom
 from screwgauge.scene.keys import TABLES, among
 from screwgauge.scene.motion import Drive, read_drive
-from screwgauge.scene.observables import Known, Observable, Published, Recorded, merge_times
+from screwgauge.scene.observables import Observable, Published, Recorded, merge_times
 
 RULES = among("scene", "rule")
 LINE = 85  #: Characters above which a list is shown as a count.
@@ -78,7 +78,7 @@ class Scene:
     drive: Drive | Followed | GridMotion | None = field(default=None, repr=False)
     text: Mapping[str, Any] = field(default_factory=dict, repr=False)
     observables: tuple[Observable, ...] = ()
-    known: Known | None = None
+    known: Recorded | None = None
     published: tuple[Published, ...] = ()
     tables: Mapping[str, Recorded] = field(default_factory=dict, repr=False)
     points: tuple[Point, ...] = ()
@@ -176,7 +176,7 @@ class Scene:
             DescriptionError: A time is not a finite number, or a sampled motion has no sample at a time.
         """
         if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
-            raise DescriptionError(f"{shown(times)} is not a list of times", "times", "give a list of times in s")
+            raise DescriptionError(f"{shown(times)} is not a list of times", "times", "pass a list of times in s")
         t = read_times(list(times), "times")
         if isinstance(self.task, InitialValue):
             check_order(t, self.task.since)
@@ -199,7 +199,7 @@ class Scene:
     def moved(self, t: Array) -> GivenMotion:
         """Return the given motion at times [s]. Shape (n,)."""
         if self.drive is None:
-            raise DescriptionError("its motion is no function of time", self.name, "give it a motion")
+            raise DescriptionError("its motion is not a function of time", self.name, "add a motion")
         self.applied.at(t)  # reject times that the file of a load lacks
         return self.drive(t)
 
@@ -235,20 +235,18 @@ class Scene:
         """
         from screwgauge.models.home import near_home  # a solver of many parts, which few scenes need
 
-        subject = Subject(self.mechanism, self.applied)
-        known, values = subject.numbers, dict[str, float]()
+        known, values = numbers(self.mechanism, self.applied), dict[str, float]()
         for pattern, rule in changes.items():
             for name in chosen(known, [pattern], "with_"):
                 values[name] = changed_to(rule, known[name], f"with_, {pattern}")
 
-        def at(share: float) -> Subject:
+        def at(share: float) -> Mechanism:
             way = {name: known[name] + share * (x - known[name]) if share < 1.0 else x for name, x in values.items()}
-            return subject.with_numbers(way)
+            return mechanism_with(self.mechanism, way)
 
-        made = at(1.0)
+        made, applied = at(1.0), applied_with(self.applied, values)
         moved = any(map(geometric, values)) and bool(layout(self.mechanism).cuts or self.mechanism.couplings)
-        mechanism = near_home(self.mechanism, lambda share: at(share).mechanism) if moved else made.mechanism
-        return replace(self, mechanism=mechanism, applied=made.applied)
+        return replace(self, mechanism=near_home(self.mechanism, at) if moved else made, applied=applied)
 
     def problem(self, wanted: Sequence[str] | frozenset[str], engine: str = "") -> Problem:
         """Return the problem that the scene poses to every engine.
@@ -309,12 +307,12 @@ class Scene:
 def check_scene_type(what: object, where: str) -> None:
     """Reject objects that are not scenes, such as the name of a scene."""
     if not isinstance(what, Scene):
-        raise DescriptionError(f"{shown(what)} is no scene", where, "give what load_scene makes of a name or path")
+        raise DescriptionError(f"{shown(what)} is not a scene", where, "pass a scene returned by load_scene")
 
 
 def check_order(t: Array, since: float) -> None:
     """Reject times of a simulation that do not increase from the start on."""
     if (np.diff(t) <= 0.0).any() or t[0] < since:
         raise DescriptionError(
-            f"the times do not increase from t = {since:g} s on", "times", "give times in order, from the start on"
+            f"the times do not increase from t = {since:g} s on", "times", "sort the times, beginning at the start"
         )

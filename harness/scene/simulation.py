@@ -37,8 +37,8 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
     """
     lay, task, mechanism = check_home(scene.mechanism), scene.start, scene.mechanism
     if len(task.grid) < 2:
-        what = f"the only time, {task.since:g} s, is that of the start"
-        raise DescriptionError(what, "times", "give later times, too")
+        what = f"the only time, {task.since:g} s, is the start"
+        raise DescriptionError(what, "times", "add later times")
     away = np.abs(task.start - mechanism.home[mechanism.independent_columns])
     if not away.max(initial=0.0) <= FARTHEST:
         k = int(away.argmax())
@@ -49,7 +49,7 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
     q = positions(lay, task.start[None], since)
     check_regular(lay, q, since, task.start[None])
     if beyond := beyond_limits(mechanism, q):
-        where, remedy = "start of the scene", "start elsewhere or widen the limits"
+        where, remedy = "start of the scene", "change the start or widen the limits"
         raise JointLimitError(f"joint coordinate {beyond[1]}", where, remedy)
     motion_at(lay, q, task.rates[None], applied=scene.applied, t=task.since).check()
     return lay, tuple(filter(None, [stiff_warning(stiffness(lay, scene.applied, task), task)]))

@@ -11,7 +11,7 @@ import pandas as pd
 from screwgauge.judging.trust import LOOSER, passed
 from screwgauge.quantities import SIMULATED
 from screwgauge.reference.graph import Layout
-from screwgauge.scene.observables import Known, known_values, observe
+from screwgauge.scene.observables import Recorded, known_values, observe
 from screwgauge.scene.preflight import beyond_limits
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Error, Failure, Solution
@@ -79,7 +79,7 @@ def _add_observables(scene: Scene, lay: Layout, answer: Solution, wanted: Sequen
     )
 
 
-def _reference(scene: Scene, known: Known) -> Solution:
+def _reference(scene: Scene, known: Recorded) -> Solution:
     """Return the known values as a solution of the scene, at the times that both have in common."""
     values, rows = known_values(known, scene.observables, scene.t, scene.name)
     n = len(scene.t)

@@ -12,7 +12,6 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from screwgauge.reference.couplings import Fixing
 from screwgauge.reference.description import XYZ, written_polynomials
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
@@ -77,7 +76,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
     """Read the couplings of a mechanism with the coefficients of its tables."""
     place, ties = mechanism.coordinates.index, []
     for one in mechanism.couplings:
-        table = {"polynomial": [0]} if isinstance(one, Fixing) else tables["couplings"][one.name]
+        table = {"polynomial": [0]} if one.fixing else tables["couplings"][one.name]
         written = written_polynomials(table, one.where)
         ties.append(Tie(place(one.coordinate), [(place(of) if of else None, vector(p)) for _, of, p in written]))
     return ties

@@ -25,7 +25,7 @@ from screwgauge.models.readings.sdf import read_sdf
 from screwgauge.models.readings.source import Source, prepare
 from screwgauge.models.readings.usd import read_usd
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few, remedy_of_import
-from screwgauge.reference.lint import Hinge, Solid, of_bodies, size_of, too_far
+from screwgauge.reference.lint import Solid, of_bodies, size_of, too_far
 from screwgauge.reference.rotations import Array, widest
 
 #: Type of a joint in URDF -> kind; `fixed` is absent.
@@ -187,7 +187,12 @@ def dropped_parts(source: Source, reading: Reading) -> list[Content]:
 
 def implausible(reading: Reading) -> tuple[str, ...]:
     """List messages about implausible bodies and joints."""
-    return (*of_bodies([*_solids(reading)]), *too_far(_hinges(reading)))
+    tied = {name for one in reading.couplings.values() for name in one.named}
+    free = ((name, one) for name, one in reading.joints.items() if one.kind == "hinge" and name not in tied)
+    return (
+        *of_bodies([*_solids(reading)]),
+        *(text for name, one in free for text in too_far(name, one.home, one.limits)),
+    )
 
 
 def _solids(reading: Reading) -> Iterator[Solid]:
@@ -213,13 +218,6 @@ def _solids(reading: Reading) -> Iterator[Solid]:
         if name in turning and np.isfinite(body.inertia).all():
             points = [*places[name], centre]
             yield Solid(name, body.mass, body.inertia, size_of(points, extent), widest(points))
-
-
-def _hinges(reading: Reading) -> Iterator[Hinge]:
-    tied = {name for one in reading.couplings.values() for name in one.named}
-    for name, joint in reading.joints.items():
-        if joint.kind == "hinge" and name not in tied:
-            yield Hinge(name, joint.home, joint.limits)
 
 
 def _read_here(source: Source) -> Reading:

@@ -18,7 +18,7 @@ import numpy as np
 
 from screwgauge.models.content import Content, phrases
 from screwgauge.models.matter import Matter
-from screwgauge.reference.couplings import Coupling, Fixing, PolynomialSum
+from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.tree import FREEDOMS as FREEDOMS
@@ -263,7 +263,7 @@ def slices(joints: Mapping[str, JointReading], sizes: Mapping[str, int]) -> dict
 
 def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
     """Convert the couplings of a description to readings, by name."""
-    read = (one for one in couplings if not isinstance(one, Fixing))  # a reading does not contain the joint of a Fixing
+    read = (one for one in couplings if not one.fixing)  # a reading does not contain the joint of a fixing
     return {one.name: CouplingReading(one.coordinate, one.function) for one in read}
 
 

@@ -230,7 +230,7 @@ class Continuation(Walk):
         length = float(np.abs(target - curve.points[0]).max(initial=0.0))
         if not length <= LONGEST:
             what = f"the motion jumps by {length:.3g} (rad, or lengths of the mechanism) from one sample to the next"
-            raise ClosureError(what, f"t = {t:g} s", "give samples closer to each other")
+            raise ClosureError(what, f"t = {t:g} s", "use a smaller step")
         start, seen, home = self.at, len(self.visits), self.anchors[0].y
         ways = [(list[int](), curve)]
         around = not moving and not (self.strict and self.begun)

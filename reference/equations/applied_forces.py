@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,41 +19,33 @@ if TYPE_CHECKING:
     from screwgauge.reference.equations.dynamics import Dynamics
 
 
-class Exerted(NamedTuple):
-    """Applied forces without gravity.
-
-    Attributes:
-        wrenches: Wrench on each body, see `recursion.wrench`. Shape (..., b, 6).
-        along: Force along each joint coordinate [N or N m]. Shape (..., n_q).
-    """
-
-    wrenches: Array
-    along: Array
-
-
-def exerted(at: Dynamics) -> Exerted:
-    """Return the forces of loads, eq. (55), springs, dampers and motors, and `Dynamics.given_forces`."""
-    W, along = zeros(at.q, len(at.mechanism.body_index), 6), zeros(at.q, at.q.shape[-1])
-    coordinates = at.mechanism.coordinates
+def wrenches_on_bodies(at: Dynamics) -> Array:
+    """Return the wrenches of loads, eq. (55), and point springs on each body, see `recursion.wrench`. (..., b, 6)."""
+    W = zeros(at.q, len(at.mechanism.body_index), 6)
     for load in at.applied.loads:
         if body := at.mechanism.body_index[load.body]:  # the ground does not need a force balance
             f, m = load_vectors(at, load)
             W[..., body, :] = W[..., body, :] + wrench(at.pose, body, place(at, load), f, m)
-    for spring in at.applied.springs:
-        if isinstance(spring, PointSpring):
-            (i, a), (j, b) = ends(at, spring)
-            pull = scale(tension(at, spring) / distance(at, spring), b - a)
-            for body, (_, arm), f in zip((i, j), spring.ends, (pull, -pull), strict=True):
-                W[..., body, :] = W[..., body, :] + wrench(at.pose, body, arm, f, 0.0 * f)
-        else:
-            c = coordinates.index(spring.coordinate)
-            along[..., c] = along[..., c] - tension(at, spring)
+    for spring in (one for one in at.applied.springs if isinstance(one, PointSpring)):
+        (i, a), (j, b) = ends(at, spring)
+        pull = scale(tension(at, spring) / distance(at, spring), b - a)
+        for body, (_, arm), f in zip((i, j), spring.ends, (pull, -pull), strict=True):
+            W[..., body, :] = W[..., body, :] + wrench(at.pose, body, arm, f, 0.0 * f)
+    return W
+
+
+def forces_along(at: Dynamics) -> Array:
+    """Return the forces of joint springs, motors, losses and `Dynamics.given_forces`. Shape (..., n_q)."""
+    along, coordinates = zeros(at.q, at.q.shape[-1]), at.mechanism.coordinates
+    for spring in (one for one in at.applied.springs if isinstance(one, JointSpring)):
+        c = coordinates.index(spring.coordinate)
+        along[..., c] = along[..., c] - tension(at, spring)
     for motor in at.applied.motors:
         c = coordinates.index(motor.coordinate)
         along[..., c] = along[..., c] + motor_force(at, motor)
     for one in resistances(at.mechanism.joints, LOSSES):
         along[..., one.column] = along[..., one.column] - resisting_force(at, one)
-    return Exerted(W, along if at.given_forces is None else along + at.given_forces)
+    return along if at.given_forces is None else along + at.given_forces
 
 
 def place(at: Dynamics, load: Load) -> Array:

@@ -215,7 +215,7 @@ class Motion(Closed):
     def ydd(self) -> Array:
         """Second derivatives of the independent coordinates. Shape (..., k)."""
         if self._ydd is None:
-            raise TypeError("no accelerations are given")
+            raise TypeError("accelerations are missing")
         return self._ydd
 
     @cached_property

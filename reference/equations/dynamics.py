@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.equations.applied_forces import Exerted, exerted, resisting_force
+from screwgauge.reference.equations.applied_forces import forces_along, resisting_force, wrenches_on_bodies
 from screwgauge.reference.equations.closure import Loops, Motion
 from screwgauge.reference.equations.joint_types import reaction_components, reaction_names
-from screwgauge.reference.equations.kinematics import Coordinates, zeros
+from screwgauge.reference.equations.kinematics import Coordinates, walk, zeros
 from screwgauge.reference.equations.ops import Ops, System, absent
 from screwgauge.reference.equations.recursion import BodyAccelerations, at_origin, inward, on_child, wrench
 from screwgauge.reference.equations.screws import (
@@ -74,9 +74,14 @@ class Dynamics(Motion):
         return self.moved.needs(self.applied.g)
 
     @cached_property
-    def exerted(self) -> Exerted:
-        """Wrenches and joint forces of loads, springs, dampers and motors."""
-        return exerted(self)
+    def applied_wrenches(self) -> Array:
+        """Wrenches of loads and point springs on each body. Shape (..., b, 6)."""
+        return wrenches_on_bodies(self)
+
+    @cached_property
+    def applied_along(self) -> Array:
+        """Forces of springs, dampers, motors and given forces along all coordinates. Shape (..., n_q)."""
+        return forces_along(self)
 
     def along_tree(self, along: Array) -> Array:
         """Convert forces along all joints to tree forces with the same power. Shape (..., n_q) -> (..., n)."""
@@ -94,7 +99,7 @@ class Dynamics(Motion):
             need: Wrenches that the bodies need for their motion, see `required`. Shape (..., b, 6).
             acting: Forces along all coordinates, see `acting`. Shape (..., n_q).
         """
-        along = inward(self.pose, need - self.exerted.wrenches)[0]
+        along = inward(self.pose, need - self.applied_wrenches)[0]
         return along[..., self.loops.columns] - self.along_tree(acting)
 
     def acting(self, beta: Array, moved: BodyAccelerations) -> Array:
@@ -108,8 +113,8 @@ class Dynamics(Motion):
         """
         rotors = self.mechanism.rotors
         if not rotors.any():
-            return self.exerted.along
-        return self.exerted.along - rotors * self.accelerations_of_joints(beta, moved)
+            return self.applied_along
+        return self.applied_along - rotors * self.accelerations_of_joints(beta, moved)
 
     @cached_property
     def along(self) -> Array:
@@ -286,7 +291,7 @@ class Dynamics(Motion):
         along = self.along_joints(f)
         tau, need = -self.along_tree(along), 0.0 * self.required
         if not idle:
-            tau, need, along = tau + self.tau, self.required - self.exerted.wrenches, along + self.along
+            tau, need, along = tau + self.tau, self.required - self.applied_wrenches, along + self.along
         x = self.system.solve_transposed(tau)
         if null := self._redundant:
             N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
@@ -339,9 +344,9 @@ class Dynamics(Motion):
             for body, frame, f, m in cut.wrenches(parts[name], along[..., loops.lay.columns[name]]):
                 total[..., body, :] = total[..., body, :] - wrench(pose, body, frame.p, f, m)
         tree, wrenches = inward(pose, total)
-        for way in pose.ways:
-            name = way.step.edge.joint.name
-            parts[name] = reaction_components(on_child(pose, way), *wrenches[name])
+        for step, freedoms in zip(walk(pose.lay), pose.crossings, strict=True):
+            name = step.edge.joint.name
+            parts[name] = reaction_components(on_child(pose, step.edge, freedoms), *wrenches[name])
         components = join(*(parts[joint.name] for joint in by_role(self.mechanism.joints)))
         return join(components, x[..., loops.ends[-1] : loops.given.start]), tree
 

@@ -253,9 +253,9 @@ def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
 
 def exerted_wrenches(at: Dynamics) -> Array:
     """Return the wrenches of all applied forces on the bodies, including forces along joints. Shape (n, b, 6)."""
-    driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
-    along = np.einsum("ni,nibx->nbx", at.exerted.along, joint_wrenches(at.pose, at.screws, driven))
-    return np.asarray(at_origin(at.pose, at.exerted.wrenches) + along)
+    driven = np.flatnonzero(at.applied_along.any(axis=0)).tolist()
+    along = np.einsum("ni,nibx->nbx", at.applied_along, joint_wrenches(at.pose, at.screws, driven))
+    return np.asarray(at_origin(at.pose, at.applied_wrenches) + along)
 
 
 def force_matrix(at: TreePose, q: Array, S: Array) -> Array:

@@ -38,38 +38,6 @@ def coordinates(q: Array, ops: Ops) -> Coordinates:
     return Coordinates(q, ops.sin(q), ops.cos(q))
 
 
-class Step(NamedTuple):
-    """An edge of a spanning tree, walked from the ground outwards.
-
-    Attributes:
-        near, far: Bodies before and after the joint; 0 is the ground.
-        columns: Columns of the joint's coordinates.
-        sign: -1 if the joint is entered from its child, else 1.
-        freedoms: (turns, axis) of each degree of freedom.
-    """
-
-    edge: Edge
-    near: int
-    far: int
-    columns: list[int]
-    sign: float
-    freedoms: Freedoms
-
-
-def walk(lay: Layout) -> list[Step]:
-    """Return the edges of the tree, each after the edges between it and the ground."""
-    if "walk" not in lay.kept:
-        index = lay.mechanism.body_index
-        lay.kept["walk"] = [
-            Step(
-                e, index[e.near], index[e.far], lay.columns[e.joint.name], -1.0 if e.reverse else 1.0, e.joint.freedoms
-            )
-            for e in lay.edges
-        ]
-    steps: list[Step] = lay.kept["walk"]
-    return steps
-
-
 class Crossing(NamedTuple):
     """Transition from a frame to the next frame, which is fixed in it or moves along one degree of freedom.
 
@@ -94,23 +62,38 @@ class Crossing(NamedTuple):
         return self.p if self.travel is None or self.axis is None else scale(self.travel, self.axis)
 
 
-class Way(NamedTuple):
-    """An edge of the tree, frame by frame: to the joint, across its degrees of freedom, and to the far body."""
+class Step(NamedTuple):
+    """An edge of a spanning tree, walked from the ground outwards.
 
-    step: Step
-    start: Sequence[Crossing]
-    freedoms: Sequence[Crossing]
-    end: Sequence[Crossing]
+    Attributes:
+        near, far: Bodies before and after the joint; 0 is the ground.
+        columns: Columns of the joint's coordinates.
+        sign: -1 if the joint is entered from its child, else 1.
+        start, end: From the near body to the joint, and from the joint to the far body.
+    """
+
+    edge: Edge
+    near: int
+    far: int
+    columns: list[int]
+    sign: float
+    start: tuple[Crossing, ...]
+    end: tuple[Crossing, ...]
 
 
-def ways(lay: Layout, at: Coordinates) -> list[Way]:
-    """Return the edges of the tree frame by frame, each after the edges between it and the ground."""
-    found = list[Way]()
-    for step in walk(lay):
-        (_, near), (_, far) = step.edge.joint.sides[::-1] if step.edge.reverse else step.edge.joint.sides
-        freedoms = crossings(step.freedoms, step.columns, joint_values(step.freedoms, step.columns, at), step.sign)
-        found.append(Way(step, fixed(near, leave=False), freedoms, fixed(far, leave=True)))
-    return found
+def walk(lay: Layout) -> list[Step]:
+    """Return the edges of the tree, each after the edges between it and the ground."""
+    if "walk" not in lay.kept:
+        lay.kept["walk"] = [_step(lay, edge) for edge in lay.edges]
+    steps: list[Step] = lay.kept["walk"]
+    return steps
+
+
+def _step(lay: Layout, edge: Edge) -> Step:
+    index, joint = lay.mechanism.body_index, edge.joint
+    (_, near), (_, far) = joint.sides[::-1] if edge.reverse else joint.sides
+    start, end, sign = fixed(near, leave=False), fixed(far, leave=True), -1.0 if edge.reverse else 1.0
+    return Step(edge, index[edge.near], index[edge.far], lay.columns[joint.name], sign, start, end)
 
 
 def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value], sign: float = 1.0) -> list[Crossing]:
@@ -155,14 +138,14 @@ class TreePose:
         R, p: Orientation and origin of each body. Shapes (..., b, 3, 3), (..., b, 3).
         S: Unit screws of the tree coordinates, eq. (5), child relative to parent; zero for coordinates of cut joints.
             Shape (..., n_q, 6).
-        ways: Edges of the tree.
+        crossings: Freedoms crossed by each step of `walk`.
     """
 
     lay: Layout
     R: Array
     p: Array
     S: Array
-    ways: list[Way]
+    crossings: list[list[Crossing]]
 
     @cached_property
     def com(self) -> Array:
@@ -213,15 +196,17 @@ def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> t
 
 def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
     """Compute the poses of all bodies from the tree joints, eq. (24)."""
-    n, m, found = len(lay.mechanism.body_index), at.q.shape[-1], ways(lay, at)
+    n, m, crossed = len(lay.mechanism.body_index), at.q.shape[-1], list[list[Crossing]]()
     R, p, e, r = zeros(at.q, n, 3, 3), zeros(at.q, n, 3), zeros(at.q, m, 3), zeros(at.q, m, 3)
     R[..., 0, :, :] = np.eye(3)
-    for step, start, freedoms, end in found:
-        here = R[..., step.near, :, :], p[..., step.near, :]
-        lines, R[..., step.far, :, :], p[..., step.far, :] = traverse([*start, *freedoms, *end], *here)
-        for crossing, (direction, place) in zip(freedoms, lines, strict=True):
+    for step in walk(lay):
+        freedoms, here = step.edge.joint.freedoms, (R[..., step.near, :, :], p[..., step.near, :])
+        crossed.append(crossings(freedoms, step.columns, joint_values(freedoms, step.columns, at), step.sign))
+        way = [*step.start, *crossed[-1], *step.end]
+        lines, R[..., step.far, :, :], p[..., step.far, :] = traverse(way, *here)
+        for crossing, (direction, place) in zip(crossed[-1], lines, strict=True):
             e[..., crossing.column, :], r[..., crossing.column, :] = direction, place
-    return TreePose(lay, R, p, unit_screws(lay.turns, e, r), found)
+    return TreePose(lay, R, p, unit_screws(lay.turns, e, r), crossed)
 
 
 def twists(at: TreePose, w: Array) -> Array:
@@ -231,7 +216,7 @@ def twists(at: TreePose, w: Array) -> Array:
         w: Rates of the tree coordinates. Shape (..., n_q).
     """
     V = zeros(w, len(at.lay.mechanism.body_index), 6)
-    for _, near, far, columns, sign, _ in walk(at.lay):
+    for _, near, far, columns, sign, *_ in walk(at.lay):
         V[..., far, :] = V[..., near, :] + times(sign * at.S[..., columns, :].swapaxes(-1, -2), w[..., columns])
     return V
 

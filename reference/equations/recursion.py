@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from screwgauge.reference.equations.joint_types import JointPose
-from screwgauge.reference.equations.kinematics import Crossing, TreePose, Way, zeros
+from screwgauge.reference.equations.kinematics import Crossing, TreePose, walk, zeros
 from screwgauge.reference.equations.screws import Array, cross, dot, join, scale, times, transpose
+from screwgauge.reference.graph import Edge
 
 #: All bodies except the ground.
 MOVING = slice(1, None)
@@ -87,9 +88,9 @@ def outward(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
     """Compute body accelerations, eqs. (38)-(44), given rates and second derivatives of coordinates, (..., n_q)."""
     rest = np.zeros(3, dtype=w.dtype)
     each = [FrameMotion(Turning(rest, rest), rest)] * len(pose.lay.mechanism.body_index)
-    for step, start, *parts in pose.ways:
+    for step, freedoms in zip(walk(pose.lay), pose.crossings, strict=True):
         motion = each[step.near]
-        for crossing in chain(start if step.near else (), *parts):  # the ground is at rest
+        for crossing in chain(step.start if step.near else (), freedoms, step.end):  # the ground is at rest
             motion = out(crossing, motion, w, beta)
         each[step.far] = motion
     return BodyAccelerations(pose, each)
@@ -107,16 +108,16 @@ def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Arra
     """
     total = [(W[..., :3], W[..., 3:]) for W in np.moveaxis(wrenches, -2, 0)]
     tau, through = zeros(wrenches[..., 0], len(pose.lay.turns)), dict[str, tuple[Array, Array]]()
-    for step, start, freedoms, end in reversed(pose.ways):
+    for step, freedoms in reversed([*zip(walk(pose.lay), pose.crossings, strict=True)]):
         f, m = total[step.far]
-        for crossing in end[::-1]:
+        for crossing in step.end[::-1]:
             f, m = back(crossing, f, m, tau)
         through[step.edge.joint.name] = f, m
         for crossing in freedoms[::-1]:
             f, m = back(crossing, f, m, tau)
         if step.edge.reverse:
             through[step.edge.joint.name] = -f, -m
-        for crossing in start[::-1] if step.near else ():  # no balance for the ground
+        for crossing in step.start[::-1] if step.near else ():  # no balance for the ground
             f, m = back(crossing, f, m, tau)
         total[step.near] = total[step.near][0] + f, total[step.near][1] + m
     return tau, through
@@ -138,12 +139,12 @@ def at_origin(pose: TreePose, wrenches: Array) -> Array:
     return join(f, m + cross(pose.p, f))
 
 
-def on_child(pose: TreePose, way: Way) -> JointPose:
-    """Express a tree joint in the axes of its child frame."""
-    world = pose.joint(way.step.edge.joint)
+def on_child(pose: TreePose, edge: Edge, freedoms: Sequence[Crossing]) -> JointPose:
+    """Express a tree joint in the axes of its child frame, given the freedoms crossed from its near body."""
+    world = pose.joint(edge.joint)
     eye, zero = np.eye(3, dtype=pose.lay.path.dtype), np.zeros(3)
-    R = reduce(np.matmul, (crossing.R for crossing in way.freedoms if crossing.R is not None), eye)
-    return JointPose(world.joint, R if way.step.edge.reverse else transpose(R), zero, eye, zero, world.R_child)
+    R = reduce(np.matmul, (crossing.R for crossing in freedoms if crossing.R is not None), eye)
+    return JointPose(world.joint, R if edge.reverse else transpose(R), zero, eye, zero, world.R_child)
 
 
 @dataclass(frozen=True, eq=False)

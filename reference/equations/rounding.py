@@ -6,12 +6,10 @@ length of the mechanism only determines the rounding errors of body poses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from screwgauge.reference.equations.closure import Closed
 from screwgauge.reference.equations.cut_joint import CutJoint
@@ -23,43 +21,30 @@ from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import widest
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Extent:
-    """Lengths and coordinates of the loops.
-
-    Attributes:
-        loops: Largest distance between joint points around each loop at home [m], see `Layout.loop`. Shape (n_cut,).
-        size: Unit of each joint coordinate: 1 for angles, the length of its shortest loop for distances. Shape (n_q,).
-        owner: First loop of each joint coordinate; 0 if it is not in a loop. Shape (n_q,).
-        stretch: Length of the mechanism divided by the length of its shortest loop.
-    """
-
-    loops: Array
-    size: Array
-    owner: NDArray[np.intp]
-    stretch: float
-
-
-def extent(lay: Layout) -> Extent:
-    """Measure the loops; compute the result once per layout."""
-    if "extent" not in lay.kept:
-        lay.kept["extent"] = _extent(lay)
-    kept: Extent = lay.kept["extent"]
+def loop_lengths(lay: Layout) -> Array:
+    """Return the largest distance between joint points around each loop at home [m], see `Layout.loop`. (n_cut,)."""
+    if "loop lengths" not in lay.kept:
+        at, mechanism, L = pose(lay, lay.mechanism.home[None]), lay.mechanism, length(lay)
+        index, lengths = mechanism.body_index, list[float]()
+        for loop in lay.loop:
+            joints = [joint for joint in mechanism.joints if loop[lay.columns[joint.name]].any()]
+            ends = [(index[body], frame.p) for joint in joints for body, frame in joint.sides]
+            lengths.append(widest([at.p[0, body] + at.R[0, body] @ point for body, point in ends]) or L)
+        lay.kept["loop lengths"] = np.array(lengths)
+    kept: Array = lay.kept["loop lengths"]
     return kept
 
 
-def _extent(lay: Layout) -> Extent:
-    mechanism, L, around = lay.mechanism, length(lay), lay.loop != 0.0
-    if not len(around):
-        return Extent(np.zeros(0), np.where(lay.turns, 1.0, L), np.zeros(len(lay.turns), dtype=np.intp), 1.0)
-    at, index, loops = pose(lay, mechanism.home[None]), mechanism.body_index, []
-    for loop in around:
-        joints = [joint for joint in mechanism.joints if loop[lay.columns[joint.name]].any()]
-        ends = [(index[body], frame.p) for joint in joints for body, frame in joint.sides]
-        loops.append(widest([at.p[0, body] + at.R[0, body] @ point for body, point in ends]) or L)
-    shortest = np.where(around, np.array(loops)[:, None], np.inf).min(axis=0)
-    size = np.where(lay.turns, 1.0, np.where(np.isfinite(shortest), shortest, L))
-    return Extent(np.array(loops), size, np.argmax(around, axis=0), L / min(loops))
+def stretch(lay: Layout) -> float:
+    """Return the length of the mechanism divided by that of its shortest loop; 1 without loops."""
+    L = length(lay)
+    return L / float(loop_lengths(lay).min(initial=np.inf if lay.cuts else L))
+
+
+def loop_sizes(lay: Layout) -> Array:
+    """Return the unit of each joint coordinate: 1 for angles, the length of its shortest loop for distances. (n_q,)."""
+    shortest = np.where(lay.loop != 0.0, loop_lengths(lay)[:, None], np.inf).min(axis=0, initial=np.inf)
+    return np.where(lay.turns, 1.0, np.where(np.isfinite(shortest), shortest, length(lay)))
 
 
 def gain(at: Closed, *, whole: bool = False) -> Any:
@@ -68,17 +53,17 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
     Args:
         whole: Include coordinates at rest, which matter for constraint forces.
     """
-    loops, by = at.loops, extent(at.loops.lay)
-    lengths = by.loops[[j for j, _ in enumerate(loops.cuts) for _ in range(*loops.ends[j : j + 2])]]
+    loops, size = at.loops, loop_sizes(at.loops.lay)
+    lengths = loop_lengths(loops.lay)[[j for j, _ in enumerate(loops.cuts) for _ in range(*loops.ends[j : j + 2])]]
     of_cuts = [length if unit == "N" else 1.0 for length, (_, unit) in zip(lengths, loops.names, strict=True)]
     chosen = [*loops.couplings.columns, *loops.y_columns]
-    squares = at.system.response(np.concatenate([of_cuts, by.size[chosen]]), whole=whole)
+    squares = at.system.response(np.concatenate([of_cuts, size[chosen]]), whole=whole)
     columns = loops.columns[: squares.shape[-1]]
     if not at.system.exact:
-        K = at.K[..., columns] * by.size[loops.y_columns][:, None]
+        K = at.K[..., columns] * size[loops.y_columns][:, None]
         squares = squares + (K * K).sum(-2)
-    squares = squares * by.size[columns] ** -2.0
-    owners = by.owner[columns]
+    squares = squares * size[columns] ** -2.0
+    owners = np.argmax(loops.lay.loop != 0.0, axis=0)[columns] if loops.cuts else np.zeros(len(columns), dtype=np.intp)
     return reduce(at.ops.maximum, [squares[..., owners == loop].sum(-1) for loop in dict.fromkeys(owners.tolist())])
 
 

@@ -167,7 +167,7 @@ class Native:
         self.engine.finalize_object()
         self.address = self.engine.get_function_address(ENTRY)
         if not self.address:
-            raise RuntimeError("the code has no entry")
+            raise RuntimeError("the compiled code has no entry point")
         self.function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3, ctypes.c_int64)(self.address)
 
     def bind(

@@ -21,7 +21,7 @@ from screwgauge.reference.equations.ops import TRACE
 from screwgauge.reference.equations.rounding import squares
 from screwgauge.reference.graph import Edge, Layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.parameters import Subject, geometric
+from screwgauge.reference.parameters import applied_with, geometric, mechanism_with
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.derivatives import adjoints
 from screwgauge.reference.traced.program import Program, program
@@ -99,8 +99,8 @@ class Symbols:
         )
         values = dict(zip(nominal, self.numbers, strict=True))
         loads = tuple(load.at(self.t, TRACE.cos, TRACE.sin) for load in applied.loads)
-        subject = Subject(mechanism, replace(applied, loads=loads)).with_numbers(values, symbolic=True)
-        self.loops = _of_symbols(loops, subject.mechanism)
+        acting = applied_with(replace(applied, loads=loads), values, symbolic=True)
+        self.loops = _of_symbols(loops, mechanism_with(mechanism, values, symbolic=True))
         self.folds = [float(x.flat[0]) for x in loops.folds(anchors.q)]
         self.steps = list[Array]()
         q = mechanism.home.astype(object)
@@ -111,7 +111,7 @@ class Symbols:
             solver = solver if solver is not None and step >= NEWTON else at
             self.steps.append(at.spread(solver.system.solve(-at.residual(self.y))))
             q = q + self.steps[-1]
-        self.at = Dynamics(self.loops, coordinates(q, TRACE), self.yd, self.ydd, self.folds, TRACE, subject.applied)
+        self.at = Dynamics(self.loops, coordinates(q, TRACE), self.yd, self.ydd, self.folds, TRACE, acting)
         self.at.near, self.at.axial, self.at.t = dict(zip(self.near, near, strict=True)), axial, self.t
 
     def _inputs(self, rows: Array) -> Array:
@@ -148,37 +148,16 @@ def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
     return made
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SparseMatrix:
-    """A mostly zero matrix whose nonzero entries are computed by a program.
+def residual_slopes(symbols: Symbols) -> Program:
+    """Differentiate loop residuals with respect to the parameters, at a closed pose (`Symbols` without steps).
 
-    Attributes:
-        places: Row and column of each output.
-        shape: Shape of the matrix.
+    Returns:
+        A program whose outputs are the slopes, residual by residual.
     """
-
-    program: Program
-    places: tuple[tuple[int, int], ...]
-    shape: tuple[int, int]
-
-    def filled(self, entries: Array) -> Array:
-        """Assemble the matrix at samples from outputs of shape (len(places), n). Shape (n, *shape)."""
-        out = np.zeros((entries.shape[1], *self.shape))
-        for (i, k), values in zip(self.places, entries, strict=True):
-            out[:, i, k] = values
-        return out
-
-
-def residual_slopes(symbols: Symbols) -> SparseMatrix:
-    """Differentiate loop residuals with respect to the parameters, at a closed pose (`Symbols` without steps)."""
-    residual, numbers = symbols.at.residual(symbols.y), [*symbols.numbers]
-    places, entries = list[tuple[int, int]](), list[Scalar]()
-    for i, row in enumerate(residual):
-        for k, slope in enumerate(adjoints([(row, 1.0)], numbers) if isinstance(row, Node) else ()):
-            if isinstance(slope, Node) or slope:
-                places.append((i, k))
-                entries.append(slope)
-    return SparseMatrix(symbols.program(entries), tuple(places), (len(residual), len(numbers)))
+    slopes, numbers = list[Scalar](), [*symbols.numbers]
+    for row in symbols.at.residual(symbols.y):
+        slopes += adjoints([(row, 1.0)], numbers) if isinstance(row, Node) else [0.0] * len(numbers)
+    return symbols.program(slopes)
 
 
 def gradient(symbols: Symbols, values: Sequence[Scalar], weights: Sequence[Scalar]) -> list[Scalar]:

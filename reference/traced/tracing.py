@@ -20,7 +20,7 @@ from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.forward import Forward as Response
 from screwgauge.reference.equations.kinematics import Coordinates, coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE
-from screwgauge.reference.equations.rounding import chart_gain, drive_gain, extent, gain, idle_gain, squares
+from screwgauge.reference.equations.rounding import chart_gain, drive_gain, gain, idle_gain, loop_sizes, squares
 from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.points import Point
 from screwgauge.reference.traced.program import Program, program
@@ -223,7 +223,7 @@ def _checks(
     at: Response, y: Array, guess: Mapping[int, Any], outputs: Mapping[str, Sequence[Any]]
 ) -> dict[str, list[Any]]:
     """Return the diagnostics of each sample, see `CHECKS`."""
-    loops, by = at.loops, extent(at.loops.lay)
+    loops = at.loops
     driven, reacted = DRIVEN & outputs.keys(), "reaction" in outputs
     charted = CHARTED & outputs.keys()
     moved = np.array([at.q[c] - x for c, x in guess.items()], dtype=object)
@@ -232,7 +232,7 @@ def _checks(
         "gain": gain(at),
         "whole_gain": gain(at, whole=True) if reacted and loops.fixed else gain(at),
         "drive": drive_gain(at) if driven and at.mechanism.actuator_names else 0.0,
-        "moved": squares(moved, by.size[[*guess]]),
+        "moved": squares(moved, loop_sizes(loops.lay)[[*guess]]),
         "closing": squares(at.residual(y), loops.unit) if guess else 0.0,
         "balance": squares(at.imbalance, loops.size) if reacted else 0.0,
         "charts": chart_gain(at) if charted else 1.0,

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from screwgauge.models.importing import is_model
-from screwgauge.report.blocks import LONG, Block, Folded, Heading, table
+from screwgauge.report.blocks import LONG, Block, Group, Text, table
 from screwgauge.study.formatting import Row, grouped
 
 #: Package -> its version, its folder of models, their files, and those besides of which the base floats.
@@ -85,7 +85,7 @@ def by_source(rows: Iterable[Row], columns: str) -> list[Block]:
     blocks: list[Block] = []
     for (source,), some in grouped(rows, "source").items():
         every = table(some, columns)
-        blocks += [Heading(str(source)), Folded(f"All {len(some)} models", (every,)) if some[LONG:] else every]
+        blocks += [Text(str(source), 2), Group("folded", (every,), f"All {len(some)} models") if some[LONG:] else every]
     return blocks
 
 

@@ -21,10 +21,10 @@ BASE = [f"base.{name}" for name in ("x", "y", "z", "q1", "q2", "q3")]
 #: True reasons for a refusal: contacts hold all that is driven, a motion leaves what loops reach, something falls fast.
 REFUSED = (
     "no degree of freedom",
-    "nothing with a motion moves",
+    "no coordinate with a motion can move",
     "cannot close",
     "breaks off",
-    "leave one of these out",
+    "remove one of them",
 )
 
 
@@ -98,7 +98,7 @@ def outcome(seed: int, folder: Path) -> str:
         try:
             return str(judged(run(screwgauge.load_scene(folder / "held.toml"), ENGINES))["verdict"])
         except ScrewgaugeError as error:
-            follow = re.search(r"leave (.*) out of the motion", error.remedy)
+            follow = re.search(r"remove (.*) from the motion", error.remedy)
             if not follow:
                 return next((reason for reason in REFUSED if reason in str(error)), str(error))
             driven = {name: at for name, at in driven.items() if name not in follow[1].split(", ")}

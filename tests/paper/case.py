@@ -62,7 +62,7 @@ class Case:
         """What each body needs, by the case's gravity, loads and accelerations or others. Shape (n, b, 6)."""
         gravity = self.scene.applied.g if gravity is None else gravity
         need = at_origin.inertia(self.at, self.at.V, self.A if A is None else A, gravity)
-        return need - recursion.at_origin(self.at.pose, self.at.exerted.wrenches) if loaded else need
+        return need - recursion.at_origin(self.at.pose, self.at.applied_wrenches) if loaded else need
 
     def generalized(self, need: Array) -> Array:
         """Generalised forces [N m]. Shape (n, 2)."""

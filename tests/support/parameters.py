@@ -9,7 +9,7 @@ from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.graph import layout
-from screwgauge.reference.parameters import Subject, numbers
+from screwgauge.reference.parameters import mechanism_with, numbers
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.parametric import CHECKS
 from screwgauge.reference.traced.trace import OPERATIONS
@@ -28,7 +28,7 @@ def gaps_open(scene: Scene, names: tuple[str, ...], step: float = 1e-6) -> dict[
     for name in names:
         ends = []
         for sign in (1.0, -1.0):
-            changed = Subject(scene.mechanism, scene.applied).with_numbers({name: known[name] + sign * step}).mechanism
+            changed = mechanism_with(scene.mechanism, {name: known[name] + sign * step})
             system = loop_equations(layout(changed))
             ends.append(system.closed(q).residual(q[:, system.y_columns]) / free.unit)
         slope = (ends[0] - ends[1]) / (2.0 * step)

@@ -13,7 +13,6 @@ from screwgauge.engines.kit.constrained import Constrained
 from screwgauge.engines.kit.poses import follow_joints
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress, quiet
 from screwgauge.reference.applied import JointSpring
-from screwgauge.reference.couplings import Fixing
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
 from screwgauge.reference.resistance import resistances
 from screwgauge.reference.rotations import Array
@@ -81,7 +80,7 @@ def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
     """
     mechanism, applied = engine.mechanism, problem.applied
     found = {
-        "a coupling": any(not isinstance(one, Fixing) for one in mechanism.couplings),
+        "a coupling": any(not one.fixing for one in mechanism.couplings),
         "a fixed joint": any(joint.fixed for joint in mechanism.joints),
         "a rotor, damping or friction": bool(resistances(mechanism.joints)),
         "a motor": bool(applied.motors),

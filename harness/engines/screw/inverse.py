@@ -24,7 +24,7 @@ from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.recursion import at_origin
-from screwgauge.reference.equations.rounding import extent, gain, idle_rounding
+from screwgauge.reference.equations.rounding import gain, idle_rounding, stretch
 from screwgauge.reference.equations.screws import force, power, times
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
@@ -133,10 +133,10 @@ class Work:
                 load = self._load(at)
             self._force_conditions(at, conditions)
         with self.clock.stage("condition"):
-            worst, stretch = at.charts.max(axis=1, initial=1.0), extent(self.lay).stretch
+            worst = at.charts.max(axis=1, initial=1.0)
             norm = np.sqrt(gain(at))
             norm = np.where(np.isfinite(at.system.condition), norm, at.system.condition)
-            trust = Trust(at.system.condition, norm, worst, conditions, speed, rush, load, stretch=stretch)
+            trust = Trust(at.system.condition, norm, worst, conditions, speed, rush, load, stretch=stretch(self.lay))
             trust = self._with_idle(at, trust) if at.idle and self.depth in "af" else trust
         return out, trust, at.system.A[..., : loops.moving]
 
@@ -150,7 +150,7 @@ class Work:
     def _load(self, at: Dynamics) -> Array:
         """Return the largest force along a coordinate, assuming that no terms cancel [N]. Shape (n,)."""
         weight = self.lay.mechanism.masses[:, None] * self.problem.applied.g
-        need = at.required if self.problem.wanted <= _TREE else at.required - at.exerted.wrenches
+        need = at.required if self.problem.wanted <= _TREE else at.required - at.applied_wrenches
         sizes = np.abs(at_origin(at.pose, need)[:, 1:]) + np.abs(force(np.broadcast_to(weight, at.com.shape), at.com))
         along = power(np.abs(self.path).T @ sizes, np.abs(at.screws))
         return np.asarray((along * self.loops.sizes)[:, self.tree].max(axis=1) / self.loops.length)

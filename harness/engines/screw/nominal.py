@@ -157,12 +157,13 @@ class Slopes:
         if not (self.predicted and self.moving):
             return np.zeros((n, len(self.predicted), P)), np.zeros((n, 0, P))
         if self._rows is None:
-            rows = residual_slopes(self._symbols)
-            self._rows = rows, runner(rows.program, "numpy")[0]
-        rows, run = self._rows
-        entries = np.empty((len(rows.places), n))
+            program = residual_slopes(self._symbols)
+            self._rows = len(program.outputs), runner(program, "numpy")[0]
+        count, run = self._rows
+        entries = np.empty((count, n))
         run.bind([stacked(self._symbols, poses, self.nominal)], [entries])()
-        change, loops = rows.filled(entries), loop_equations(self.machine.lay)
+        change = np.ascontiguousarray(np.moveaxis(entries.reshape(-1, P, n), -1, 0))
+        loops = loop_equations(self.machine.lay)
         system, size = loops.closed(poses.q).system, loops.size[: loops.moving, None]
         slopes = -(system.inverse / loops.unit * size) @ change
         opens = change / loops.unit[:, None] + system.A[..., : loops.moving] @ (slopes / size)

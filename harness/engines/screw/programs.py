@@ -28,7 +28,7 @@ from screwgauge.problem import GivenMotion, Problem, Rows, given_columns
 from screwgauge.quantities import ACTUATED, arm
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import driven_at_home
-from screwgauge.reference.equations.rounding import extent
+from screwgauge.reference.equations.rounding import stretch
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Lanes, Narrow, Program, is_clear
@@ -67,7 +67,7 @@ class Bounds:
     def __init__(self, lay: Layout, problem: Problem, length: float, eps: float = linear.EPS) -> None:
         self.wanted, self.length, self.mass = problem.wanted, length, lay.mechanism.mass
         self.idle = bool(undriven_columns(lay, problem)[0])
-        self.stretch = extent(lay).stretch
+        self.stretch = stretch(lay)
         # all weights and loads [N]
         self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + _largest(problem, length)
         # each further spherical joint adds at least one

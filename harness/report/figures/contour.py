@@ -57,9 +57,9 @@ def contour_picture(name: str, title: str, grid: GridMotion, of: tuple[str, str,
     if len(levels) > 1:
         notes.append(f"Lines every {number(float(levels[1] - levels[0]), 3)}.")
     if lost := int(np.isnan(table).sum()):
-        notes.append(f"Grey: {lost} of {table.size} cells without numbers.")
+        notes.append(f"Grey: {lost} of {table.size} cells without values.")
     if cut:
-        notes.append(f"Colours leave out {TAIL:.0%} of the values at either end.")
+        notes.append(f"The colour scale leaves out {TAIL:.0%} of the values at either end.")
     return chart.picture(name, title, build, notes)
 
 
@@ -73,7 +73,7 @@ def _cell(grid: GridMotion, edges: Sequence[Array], at: NDArray[np.intp], **more
 
 def _reason(grid: GridMotion, at: NDArray[np.intp]) -> str:
     cell = tuple(int(k) for k in at)
-    return next((one.reason for one in grid.missing if one.cell == cell), "the engine gives none")
+    return next((one.reason for one in grid.missing if one.cell == cell), "the engine returned no value")
 
 
 def _edges(axis: Array) -> Array:

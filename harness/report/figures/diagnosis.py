@@ -47,6 +47,6 @@ def make_plots(diagnosis: Diagnosis) -> list[Picture]:
     shares = chart.filled("shares", bars=bars)
     return [
         *pictures,
-        chart.picture("torques-by-joint", "What the differences change of the torques", lambda moving: joints),
-        chart.picture("torques-by-cause", "Which causes change them", lambda moving: shares),
+        chart.picture("torques-by-joint", "Effect of the differences on the torques", lambda moving: joints),
+        chart.picture("torques-by-cause", "Effect of each cause on the torques", lambda moving: shares),
     ]

@@ -49,7 +49,7 @@ class Drawing:
             )
         if not self.others:
             return ""
-        return f"Not here: {self.others} of {n} components that have no unique value. Digits are of those shown."
+        return f"Not shown: {self.others} of {n} components, which have no unique value. Digits refer to the others."
 
 
 def named(comparison: Comparison) -> dict[str, Drawing]:
@@ -113,7 +113,10 @@ def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) ->
     strange = [figure for figure in figures if figure.contour and not [*_contours(figure, values)]]
     return [
         *(f"figure '{x.title}': {x.quantity} has no component {x.contour}" for x in strange if x not in missing),
-        *(f"figure '{each.title}' is left out: {each.quantity} is not asked for, or not given" for each in missing),
+        *(
+            f"figure '{each.title}' is left out: {each.quantity} was not requested, or no engine computed it"
+            for each in missing
+        ),
         *_no_component([figure for figure in figures if figure.quantity in values], values),
     ]
 

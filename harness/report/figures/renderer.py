@@ -112,7 +112,7 @@ class Renderer:
 
 
 def _error(why: str) -> DrawingError:
-    return DrawingError(why, "", "draw it where there is more memory, or report this")
+    return DrawingError(why, "", "draw it on a machine with more memory, or report this")
 
 
 def _ending(process: subprocess.Popen[bytes]) -> str:

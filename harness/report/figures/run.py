@@ -261,7 +261,7 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
     """Warn about components and engines that the curves do not show."""
     others = [engine for engine in subject.values if engine not in shown]
     if others:  # for example, joint forces of an open tree differ between cuts
-        yield f"Not comparable with {shown[0]} here, so without curves: {', '.join(others)}."
+        yield f"Without curves, because not comparable with {shown[0]}: {', '.join(others)}."
     names = subject.names
     if drawn < len(names):
         yield f"Curves: the {drawn} of {len(names)} components that move most. Differences: all {len(names)}."

@@ -60,10 +60,10 @@ class Figure(Picture):
         check_ending(path := Path(path))
         check_free(path, force=force)
         if self.lost:
-            raise ReportError(f"{self.title} could not be drawn ({self.lost})", str(path), "draw it anew")
+            raise ReportError(f"{self.title} could not be drawn ({self.lost})", str(path), "draw it again")
         if not (4 <= size <= 72 and 30 <= dpi <= 2400):
-            what = f"letters of {size} pt and {dpi} dpi"
-            raise DescriptionError(what, "figure", "give 4 to 72 pt and 30 to 2400 dpi")
+            what = f"letters of {size} pt and {dpi} dpi are out of range"
+            raise DescriptionError(what, "figure", "use 4 to 72 pt and 30 to 2400 dpi")
         spec, svg = json.loads(self.chart or "{}"), self.svg
         if {"layer", "facet", "vconcat"} & spec.keys():
             svg = _draw(spec, in_points(width), _with_fallbacks(font), size)
@@ -81,7 +81,9 @@ def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
 def check_ending(path: Path, known: Iterable[str] = ENDINGS, where: str = "figure") -> None:
     """Reject a file whose extension is not in `known`."""
     if path.suffix not in known:
-        raise DescriptionError(f"cannot write {path.name}", where, f"name a file that ends with {' or '.join(known)}")
+        raise DescriptionError(
+            f"cannot write {path.name}", where, f"choose a file name that ends with {' or '.join(known)}"
+        )
 
 
 def in_points(width: str) -> float:
@@ -93,7 +95,7 @@ def in_points(width: str) -> float:
     found = re.fullmatch(r" *(\d+(?:\.\d*)?) *(pt|in|cm|mm) *", width) if isinstance(width, str) else None
     points = float(found[1]) * POINTS[found[2]] if found else 0.0
     if not 50.0 <= points <= 3000.0:
-        raise DescriptionError(f"{shown(width)} is no width of a figure", "figure", 'write "8.5cm", or mm, in, pt')
+        raise DescriptionError(f"{shown(width)} is not a width of a figure", "figure", 'write "8.5cm", or mm, in, pt')
     return points
 
 
@@ -116,7 +118,7 @@ def _with_fallbacks(font: str) -> str:
     )
     if not name or b"/BaseFont" not in bytes(RENDERER.ask("svg_to_pdf", probe)):
         raise DescriptionError(
-            f"font {shown(font)} is not installed", "figure", f"name another, or {' or '.join(ALIKE)}"
+            f"font {shown(font)} is not installed", "figure", f"choose another, or {' or '.join(ALIKE)}"
         )
     return font
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.quantities import FLOAT32
-from screwgauge.report.blocks import Banner, Block, Folded, Marked, Paragraph, Picture, Table, table
+from screwgauge.report.blocks import Banner, Block, Group, Marked, Picture, Table, Text, table
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
 from screwgauge.report.layout import Report, Value
@@ -47,7 +47,9 @@ from screwgauge.study.formatting import (
 from screwgauge.study.reference_values import QUANTITIES
 
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
-LEFT_OUT = "asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
+LEFT_OUT = (
+    "requested = asked | run time = time_s | share of the whole = share | largest difference | numbers unchanged = same"
+)
 NO_STEPS = {"steps": None, "evaluations": None}
 STARTS = {False: "from the independent coordinates by", True: "from given joint motion by"}
 DIGITS = {"3": "Three", "6": "Six", "9": "Nine", "12": "Twelve"}
@@ -75,7 +77,7 @@ def _banners(bench: Bench) -> list[Banner]:
     measured = Banner.of(sentence, all(fit.ok for fit in bench.fits), "MEASURED", "NOT ALL MEASURED AS EXPECTED")
     lost = [row["rows"] for row in _cut_short(bench)]
     budget = f"The budget of {number(bench.plan.budget)} s ended before {count(sum(lost), 'row')}"
-    cut = f"{budget}; what follows is measured on the others."
+    cut = f"{budget}; the results are those of the others."
     return [*([Banner(cut, "CUT SHORT")] if lost else []), measured]
 
 
@@ -168,7 +170,7 @@ def _reach(bench: Bench) -> list[Block]:
             times = [duration(at[x]["seconds_per_sample"]) + " †" * at[x]["given"] if x in at else "-" for x in LEVELS]
             lines.append((order, (family, *times, "{contestant}: {setting}".format(**at[min(at)]))))
         across, title = Table(head, tuple(line for _, line in sorted(lines))), words(quantity).capitalize()
-        blocks += [Folded(title, (across,))] if blocks else [Paragraph(Marked(f"**{title}**")), across]
+        blocks += [Group("folded", (across,), title)] if blocks else [Text(Marked(f"**{title}**")), across]
     return blocks
 
 
@@ -323,7 +325,7 @@ def _slopes(name: str, fits: Sequence[SlopeFit]) -> Picture:
         return chart.filled("slope", head=head, name=fit.name, line=line, points=points, colour=colour, **scales)
 
     spec = {"concat": [panel(fit) for fit in fits], "columns": 2}
-    return chart.picture(name, "Error against what is varied, with expected slopes", lambda moving: spec, FITTED)
+    return chart.picture(name, "Error against the varied parameter, with expected slopes", lambda moving: spec, FITTED)
 
 
 PAGE = Report(

@@ -14,7 +14,7 @@ from screwgauge.judging.residual import JUDGE
 from screwgauge.reference.errors import OutputError, first_few
 from screwgauge.reference.files import why
 from screwgauge.reference.outputs import save_file
-from screwgauge.report.blocks import Banner, Heading, Picture
+from screwgauge.report.blocks import Banner, Picture, Text
 from screwgauge.report.figures.run import pair_picture
 from screwgauge.report.layout import Report
 from screwgauge.report.left_out import more
@@ -69,10 +69,12 @@ def _banner(check: Check) -> Banner:
         sentences.append(f"Models {'and engines ' * (True in judged)}agree within tolerance.")
     if check.ok and alone:
         named = first_few(alone, SHOWN)
-        sentences.append(f"Nothing was compared in {named}: one engine ran, for which the equations of mechanics hold.")
+        sentences.append(
+            f"Nothing was compared in {named}: one engine ran, and its results satisfy the equations of mechanics."
+        )
     larger = [row.scene for row in check.rows if row.more and row.ok]
     if check.ok and larger:
-        sentences.append(f"Of {first_few(larger, SHOWN)} only the rigid machine is compared: forces are left out.")
+        sentences.append(f"Of {first_few(larger, SHOWN)} only the rigid machine is compared: some forces are left out.")
     sentences += filter(None, [check.left_alone])
     qualified = alone or larger or check.unread or any(row.admitted or row.doubts for row in check.rows)
     return Banner.of(" ".join(sentences), check.ok, "OK, but" if qualified else "OK", "FAILED")
@@ -124,7 +126,7 @@ def _about(check: Check) -> dict[str, Any]:
     return {
         "scenes and pairs": len(check.rows),
         "motion": "a few samples of an exciting one" if check.smoke else "its own",
-        "duration": f"{sum(row.seconds for row in check.rows):.1f} s, of all scenes together",
+        "duration": f"{sum(row.seconds for row in check.rows):.1f} s for all scenes together",
         "engines": ", ".join(engines),
         "files": first_few(files, SHOWN) + (", see Environment" if len(files) > SHOWN else ""),
         "date": check.date,
@@ -152,7 +154,7 @@ class CheckReport(Shown, Check):
 
     def markdown(self) -> str:
         """Render the summary of a CI job."""
-        return markdown([Heading("Screwgauge"), *self._screen()])
+        return markdown([Text("Screwgauge", 2), *self._screen()])
 
     def __repr__(self) -> str:
         return terminal(self._screen())
@@ -186,7 +188,7 @@ class _Page(Report):
                     file.write(results.markdown())
             except OSError as error:
                 what = f"cannot be written ({why(error)})"
-                raise OutputError(what, f"{SUMMARY}, {summary}", "unset it, or name a file") from error
+                raise OutputError(what, f"{SUMMARY}, {summary}", "unset it, or set it to a file") from error
         super().write(results, out, force=force, **writing)
         if baseline is not None:
             results.write_baseline(baseline, force=force)

@@ -10,7 +10,7 @@ from screwgauge.diagnosis.answer import Diagnosis
 from screwgauge.diagnosis.findings import summary
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.shares import STATES
-from screwgauge.report.blocks import Banner, Block, Heading, Items
+from screwgauge.report.blocks import Banner, Block, Items, Text
 from screwgauge.report.figures.diagnosis import has_share, make_plots, share_text
 from screwgauge.report.layout import Report
 from screwgauge.report.text import terminal
@@ -62,8 +62,8 @@ def _scale(diagnosis: Diagnosis) -> str:
     if not any(map(has_share, diagnosis.causes)):
         return ""
     return (
-        f"Each share is of that cause alone, of the torque difference at {STATES} random states, torques of each unit "
-        "over the largest of it; a negative one partly cancels the others."
+        f"Each share is the part of the torque difference that its cause makes by itself at {STATES} random states, "
+        "torques of each unit divided by the largest; a negative share partly cancels the others."
     )
 
 
@@ -128,7 +128,7 @@ def every_difference(diagnosis: Diagnosis) -> str:
     """Format the report and every difference as text."""
     ranked = sorted(diagnosis.differences, key=lambda each: -each.size)
     items = Items(tuple(each.sentence for each in ranked))
-    more: list[Block] = [Heading("All differences"), items] if diagnosis.differences else []
+    more: list[Block] = [Text("All differences", 2), items] if diagnosis.differences else []
     return terminal([*PAGE.terminal(diagnosis), *more])
 
 

@@ -26,18 +26,18 @@ def headline(found: Identification) -> str:
     parts, fit, any_motion = list[str](), found.fit, found.structure
     if fit is not None and not fit.explains:
         parts.append(
-            f"What is left over is no noise: its correlation from sample to sample is {number(fit.correlation, 2)}. "
-            "Something acts that these numbers do not describe."
+            f"The residual is not noise: its correlation from sample to sample is {number(fit.correlation, 2)}. "
+            "Some force acts that these numbers do not describe."
         )
     if fit is not None:
         parts.append(
             f"Forces of samples that were not fitted are predicted to {_share(fit.error)} of the largest (noise "
-            f"{_share(fit.noise)}); {int(found.known.sum())} of {len(found.names)} numbers are told."
+            f"{_share(fit.noise)}); {int(found.known.sum())} of {len(found.names)} numbers are identified."
         )
     faster = f", {found.faster} at {FASTER:g} times its speed" if found.faster > found.told else ""
     parts.append(
-        f"Any motion tells {any_motion.rank} of {any_motion.count} numbers or combinations of them; this one tells "
-        f"{found.told} with noise of {_share(found.noise)} of the largest force{faster}."
+        f"Motions can identify {any_motion.rank} of {any_motion.count} numbers or combinations of them; this one "
+        f"identifies {found.told} with noise of {_share(found.noise)} of the largest force{faster}."
     )
     return " ".join(parts)
 

@@ -14,7 +14,7 @@ from screwgauge.judging.allowance import LIMIT
 from screwgauge.judging.residual import ERROR_COLUMNS
 from screwgauge.judging.trust import Guarded
 from screwgauge.report import reviewed
-from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
+from screwgauge.report.blocks import Banner, Block, Group, Marked, Picture
 from screwgauge.report.figures.drawings import named, unmatched
 from screwgauge.report.figures.run import make_plots
 from screwgauge.report.folder import SAMPLES
@@ -114,9 +114,9 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
         if drawing and not drawing.unique:
             note = "not compared"
         elif drawing and errors and drawing.others:
-            note += f"; {drawing.others} components that are not unique are apart"
+            note += f"; {drawing.others} components without a unique value are plotted separately"
         if all(row["ok"] for row in errors):
-            folds.append(Folded(picture.title, (picture,), note))
+            folds.append(Group("folded", (picture,), picture.title, note))
         else:
             shown.append(picture)
     return [*shown, *folds]

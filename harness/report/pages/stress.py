@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.quantities import digits
 from screwgauge.report import blocks
-from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Marked, Paragraph, Picture
+from screwgauge.report.blocks import Banner, Block, Group, Items, Marked, Picture, Text
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Look, Spec, by_camp
 from screwgauge.report.layout import Report
@@ -21,11 +21,11 @@ SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 COLUMNS = {DEGRADED: "degraded", REFUSED: "refused", SILENT: "silent"}
 TITLE = "Digits kept as scenes become extreme"
 NOTES = (
-    "Severity grows to the right, that of a ratio to both sides.",
+    "Severity grows to the right, for a ratio to both sides.",
     "In the shaded part, below nine digits, a result needs a warning.",
     "Full: ok. Hollow: degraded, and says so. Cross below the axis: refused. Square in a red frame: silently wrong.",
 )
-WORST = ("Of each case the worst that an engine did, in any setting, quantity and rung.",)
+WORST = ("Worst result of each engine in each case, over all settings, quantities and severities.",)
 NO_NUMBER, APART = -0.9, 0.55  # position of the first line of crosses, distance of lines, one per colour
 
 
@@ -65,9 +65,11 @@ def headline(stress: Stress) -> str:
         (case,), some = max(cases.items(), key=lambda item: np.nanmax([row["error"] for row in item[1]] + [-1.0]))
         where = f"worst in {case}, from {known[case].axis} = {_first(known[case], some)} on"
         parts.append(f"{engine} in {len(cases)} of {len(grouped(by_engine[engine,], 'case'))} cases ({where})")
-    sentences = [f"Made extreme, these give wrong numbers without a word: {'; '.join(parts)}."] if parts else []
+    sentences = (
+        [f"In extreme scenes these return wrong numbers without a warning: {'; '.join(parts)}."] if parts else []
+    )
     if not parts:
-        sentences = ["Made extreme, no engine gives a wrong number without saying so."]
+        sentences = ["In extreme scenes no engine returns a wrong number without a warning."]
     elif stress.ok and own:
         sentences.append(f"Our own solver ({listed(sorted(own))}) never does: it keeps its digits, warns or refuses.")
     verdicts = [row.verdict for row in stress.rows]
@@ -110,16 +112,16 @@ def _cases(stress: Stress) -> Iterator[Block]:
     by_case = grouped(_rows(stress), "case")
     for case in stress.cases:
         rows = by_case.get((case.name,), [])
-        yield from (Heading(f"{case.name}: {case.title}"), Paragraph(Marked(case.about)))
+        yield from (Text(f"{case.name}: {case.title}", 2), Text(Marked(case.about)))
         for (quantity,), some in grouped(rows, "quantity").items():
             ladder = sorted(some, key=lambda row: float(row["severity"]), reverse=case.falling)
             cells = [{**row, "cell": _digits(row)} for row in ladder]
             across = blocks.table(cells, f"{case.axis} = severity || engine = cell")
             short = quantity == case.drawn or len(some) <= blocks.LONG
-            yield from (Paragraph(Marked(f"**{quantity}**")), across) if short else (Folded(quantity, (across,)),)
+            yield from (Text(Marked(f"**{quantity}**")), across) if short else (Group("folded", (across,), quantity),)
         refused = grouped([row for row in rows if row["verdict"] == REFUSED], "engine", "reason")
         reasons = tuple(f"{engine} at {_range(group)}: {reason}" for (engine, reason), group in refused.items())
-        yield from (Paragraph("Refused:"), Items(reasons)) if reasons else ()
+        yield from (Text("Refused:"), Items(reasons)) if reasons else ()
 
 
 def _digits(row: Row) -> str:
@@ -143,7 +145,7 @@ def make_plots(stress: Stress) -> list[Picture]:
     rows = [{"who": row.engine.split()[0], "case": row.case, "k": VERDICTS.index(row.verdict)} for row in stress.rows]
     worst = chart.filled("worst", rows=rows, engines=list(dict.fromkeys(row["who"] for row in rows)))
     return [
-        chart.picture("01-worst", "Cases by what became of them", lambda moving: worst, WORST),
+        chart.picture("01-worst", "Cases by outcome", lambda moving: worst, WORST),
         chart.picture("02-digits", TITLE, lambda moving: spec, NOTES),
     ]
 

@@ -21,7 +21,9 @@ from screwgauge.study.sweep.run import Effect, Sweep
 #: Number of bars in a tornado chart, of rows on the first screen, and of names for the farthest variant.
 BARS, FIRST, NAMED = 15, 8, 3
 TABLE = "variants.csv"
-NOTES = ("Both ways by one standard deviation, to first order; the longest bar is the number that costs most.",)
+NOTES = (
+    "Change by one standard deviation in both directions, to first order; the longest bar has the most influence.",
+)
 
 
 def headline(sweep: Sweep) -> str:
@@ -32,13 +34,14 @@ def headline(sweep: Sweep) -> str:
         effect, column = sweep.ranked[0]
         share = abs(effect.changes[column]) / sweep.sizes[column]
         parts.append(
-            f"{effect.name} costs most: one standard deviation ({_size(effect)}) changes {sweep.columns[column].name} "
-            f"by {number(abs(effect.changes[column]), 3)}, {number(100.0 * share, 2)} % of the largest."
+            f"{effect.name} has the most influence: one standard deviation ({_size(effect)}) changes "
+            f"{sweep.columns[column].name} by {number(abs(effect.changes[column]), 3)}, "
+            f"{number(100.0 * share, 2)} % of the largest."
         )
     parts.append(f"{count} variants" + (f", {lost} without values." if lost else ", all with values."))
     if sweep.checked:
         good = sum(one.ok for one in sweep.checked)
-        parts.append(f"Other engines agree on {good} of {len(sweep.checked)} that were put to them.")
+        parts.append(f"Other engines agree on {good} of {len(sweep.checked)} variants that they checked.")
     return " ".join(parts)
 
 
@@ -123,7 +126,7 @@ def make_plots(sweep: Sweep) -> list[Picture]:
         size = abs(float(effect.changes[column]))
         bars.append({"name": effect.name, "low": -size, "high": size, "text": f"+-{number(size, 3)}"})
     spec = chart.filled("tornado", bars=bars, title=f"change of {sweep.columns[column].name}")
-    return [chart.picture("tornado", "Which number costs most", lambda moving: spec, NOTES)]
+    return [chart.picture("tornado", "Influence of each number", lambda moving: spec, NOTES)]
 
 
 def effects_table(sweep: Sweep) -> pd.DataFrame:

@@ -233,7 +233,7 @@ def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]
         items.append((f'<g class="mark driven">{MARKS[first.kind][1]}</g>{way}', "driven"))
     items += [(CAGE, "cut: closes a loop")] * bool(cut_joints(mechanism))
     items += [(f'<g transform="translate(0 -8)">{FOOT}</g>', "ground")]
-    items += [('<path class="axis" d="M-10,0H10l-5,-3M10,0l-5,3"/>', "axis (dot: towards you)")] * turning
+    items += [('<path class="axis" d="M-10,0H10l-5,-3M10,0l-5,3"/>', "axis (dot: towards the viewer)")] * turning
     items += [(mark, name) for name, mark in FURTHER.items() if more[name]]
     out, x, y = [], 28.0, 40.0
     for shape, text in items:

@@ -112,7 +112,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
         f'<svg xmlns="http://www.w3.org/2000/svg" class="two" {size_text}><style>{LOOK}</style>'
         f'<rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
     )
-    return Picture("machines", "Both machines at home, what differs in colour", svg)
+    return Picture("machines", "Both machines at home, differences in colour", svg)
 
 
 def _in_one_pose(diagnosis: Diagnosis) -> tuple[Reading, Reading]:
@@ -141,7 +141,7 @@ def _legend(x: float, y: float) -> str:
     marks = (
         '<circle class="mass" r="6"/><text x="11" y="4">centre of mass</text>',
         '<circle r="3"/><text x="8" y="4">joint</text>',
-        '<path class="differs" d="M-12,0H6"/><text x="12" y="4">what differs</text>',
+        '<path class="differs" d="M-12,0H6"/><text x="12" y="4">difference</text>',
     )
     places = zip((0.0, 120.0, 190.0), marks, strict=True)
     drawn = (f'<g transform="translate({x + dx:.0f} {y:.0f})">{mark}</g>' for dx, mark in places)

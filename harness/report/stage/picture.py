@@ -32,7 +32,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.reciprocal import Held, ScrewElement, held, idle_forces, normal_of_plane
 from screwgauge.reference.rigid import without_fixed_joints
 from screwgauge.reference.rotations import Array
-from screwgauge.report.blocks import Block, Items, Paragraph, Picture
+from screwgauge.report.blocks import Block, Items, Picture, Text
 from screwgauge.report.stage.drawing import WORLD, drawing
 from screwgauge.report.stage.motion import Arrow, DrawnMotion, arrows, drawn_motion, home_pose
 from screwgauge.scene.scene import Scene
@@ -76,7 +76,7 @@ def stage(
     other_shapes = differences(mechanism, other, unsigned) if other else []
     coils = springs(mechanism, what.applied.springs) if isinstance(what, Scene) else []
     text = json.dumps(data(motion, [*coils, *other_shapes]), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
-    title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
+    title = f"{mechanism.title or mechanism.name}: home pose{' and differences of the other' * bool(other)}"
     idle = [one.label for one in what.undriven] if isinstance(what, Scene) else []
     return Picture("mechanism", title, drawing(mechanism, other_shapes, coils, idle), stage=text)
 
@@ -84,12 +84,12 @@ def stage(
 def remarks(picture: Picture) -> list[Block]:
     """Return remarks on a picture: differences between two mechanisms, constraints, and suspicious entries."""
     shown = json.loads(picture.stage)
-    odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(shown["doubts"]))]
+    odd: list[Block] = [Text("Suspicious, marked by cages:"), Items(tuple(shown["doubts"]))]
     there = [shape for shape in shown["shapes"] if shape["g"] == "other"]
     moved = dict.fromkeys(shape["n"] for shape in there if shape["k"] != "arrow")
     turned = dict.fromkeys(shape["n"] for shape in there if shape["n"] not in moved)
-    lines = (("Elsewhere in the other", moved), ("Axis reversed in the other", turned))
-    other = [Paragraph(f"{lead}: {', '.join(names)}.") for lead, names in lines if names]
+    lines = (("At another place in the other", moved), ("Axis reversed in the other", turned))
+    other = [Text(f"{lead}: {', '.join(names)}.") for lead, names in lines if names]
     return [*other, Items(tuple(shown["words"])), *(odd if shown["doubts"] else [])]
 
 

@@ -16,7 +16,7 @@ from screwgauge.problem import GivenMotion, Report, silent
 from screwgauge.quantities import described
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.parameters import Subject
+from screwgauge.reference.parameters import mechanism_with
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import Recorded, read_recorded
@@ -117,7 +117,7 @@ class Identification:
         if self.fit is None:
             raise DescriptionError("there are no measured forces", "identify", "pass a file of forces with --data")
         values = dict(zip(self.names, self.fit.values.tolist(), strict=True))
-        return Subject(self.scene.mechanism, self.scene.applied).with_numbers(values).mechanism
+        return mechanism_with(self.scene.mechanism, values)
 
 
 def identify(
