@@ -150,7 +150,7 @@ def test_a_grid_may_have_any_number_of_coordinates(write):
 
 
 def test_a_grid_without_a_cell_is_refused(ankle):
-    with pytest.raises(DescriptionError, match="no cell has numbers"):
+    with pytest.raises(DescriptionError, match="no cell has values"):
         ankle(1.5, 2)
 
 
