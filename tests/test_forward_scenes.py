@@ -110,7 +110,7 @@ def test_an_engine_that_refuses_is_a_row_with_its_reason(stand_in):
 def test_a_motion_beyond_the_limits_of_a_joint_is_no_plain_agreement(sprung, write):
     write("m.toml", 'extends = "a01-pendulum"\nname = "m"\n[joints.pivot]\nlimits = [["-pi/2", 0.2]]\n')
     results = screwgauge.run(sprung(mechanism="m.toml", forward="start = { angle = -0.5 }"))
-    (note,) = [note for note in results.solutions["screw"].notes if "beyond" in note]
+    (note,) = [note for note in results.solutions["screw"].notes if "outside" in note]
     assert note.startswith("'pivot' = 0.208")  # -0.5 cos 2 t
     assert "limits [-1.5708, 0.2] at t = 1 s" in note
     said = " ".join(str(results).split())
