@@ -1,16 +1,14 @@
 """False alarms of the gate, and changes that it misses, counted over random mechanisms."""
 
 from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 from zlib import crc32
 
 import numpy as np
 import pandas as pd
 from campaigns.page import study
+from campaigns.rows import drawn
 
-import screwgauge
 from screwgauge.models.generate import stem, write_models
 from screwgauge.quantities import length
 from screwgauge.reference.errors import ScrewgaugeError
@@ -20,7 +18,6 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import Row, rows
 from screwgauge.study.gate.measure import GateSettings, compare_scene
 
-NAME = "alarms.csv"
 COLUMNS = ("family", "seed", "quiet", "parameter", "share", "caught", "error", "tolerance", "reason")
 #: How much the dynamics are changed: the largest scaled change of a compared force.
 CHANGE = 1e-9
@@ -29,11 +26,8 @@ LEAST = 1e-3
 
 
 def measured(item: tuple[int, str]) -> dict[str, Any]:
-    seed, family = item
-    row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
     settings = GateSettings(lambda results: "")
-    with TemporaryDirectory(prefix="screwgauge-") as name:
-        scene = screwgauge.random(seed, family, Path(name))
+    with drawn(item, COLUMNS) as (scene, row):
         try:
             first, results = compare_scene(scene, settings)
         except ScrewgaugeError as error:
@@ -42,11 +36,11 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
         if not first.ok and worst is not None:
             row |= {"reason": f"{worst.key}: {worst.error:.2g} by {worst.tolerance:.2g}, {worst.reason}"}
         row["quiet"] = "yes" if first.ok else "no"
-        rng = np.random.default_rng([seed, crc32(family.encode())])
+        rng = np.random.default_rng([row["seed"], crc32(row["family"].encode())])
         if not (chosen := _chosen(results, rng)):
             return row
         parameter, share = chosen
-        folder = Path(name) / "changed"
+        folder = scene.file.parent / "changed"
         write_models(changed(scene.mechanism, parameter, share), folder, gravity=scene.applied.g)
         own = folder / f"{stem(scene.mechanism.name, 'minimal')}.xml"
         after = compare_scene(replace(scene, models={"mujoco": own}), settings)[0]
@@ -119,7 +113,7 @@ def _bad(found: pd.DataFrame) -> list[str]:
 
 
 PAGE = study(
-    NAME,
+    "alarms.csv",
     "False alarms and missed changes",
     lambda found: Banner.of(sentence(found), passed(found), "PASSED", "FAILED"),
     sentence=sentence,

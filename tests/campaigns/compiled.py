@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from campaigns.rows import CODE
+from campaigns.rows import grown, keep
 
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.compiled import CompiledSolution, Solver
@@ -27,11 +27,9 @@ from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.outputs import replace_file
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.runner import InTurn, Task, grow_table
 
 COLUMNS = (
     *("case", "seed", "backend", "samples", "by_program", "worst", "quantity", "certified", "true_worst"),
@@ -194,18 +192,7 @@ def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[
 
 def compiled(file: Path, count: int | None) -> pd.DataFrame:
     states = STATES * (count or DRAWN)
-    text = grow_table(
-        file,
-        COLUMNS,
-        [Task(f"{case} {seed}", partial(_rows, case, seed, states)) for case, seed in cases(count)],
-        InTurn(),
-        lambda name, reason: {**dict.fromkeys(COLUMNS, ""), "case": name, "ok": "failed", "reason": reason},
-        about=[states, CODE],
-    )
-    file.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(file, text)
+    works = {f"{case} {seed}": partial(measured, case, seed, BACKENDS, states) for case, seed in cases(count)}
+    text = grown(file, COLUMNS, works, lambda name, why: {"case": name, "ok": "failed", "reason": why}, [states])
+    keep(file, text)
     return pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
-
-
-def _rows(case: str, seed: int, states: int, progress: Any) -> list[dict[str, Any]]:
-    return measured(case, seed, BACKENDS, states)

@@ -7,12 +7,14 @@ With a blank in place of ``=``, pytest takes a folder that is there for one of t
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
+from campaigns.rows import rows_of_mechanisms
 
 from screwgauge.commands.execution import carry_out
 from screwgauge.study import isolation
@@ -50,6 +52,20 @@ class Campaign:
             again: A later run does not make the rows again that were made.
         """
         return carry_out(page, self.reports / name, work, again=again, force=True)
+
+    def of_mechanisms(
+        self,
+        page: Any,
+        name: str,
+        work: Callable[[tuple[int, str]], dict[str, Any]],
+        columns: Sequence[str],
+        usual: int,
+    ) -> pd.DataFrame:
+        """A row of each random mechanism, `usual` of them by default, in the report ``reports/NAME``."""
+        count, file = self.count or usual, self.reports / name / page.NAME
+        return self.carry_out(
+            page, name, lambda show: rows_of_mechanisms(count, file, work, columns, show, self.execute), again=True
+        )
 
 
 @pytest.fixture

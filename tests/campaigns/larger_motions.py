@@ -15,11 +15,9 @@ from typing import Any
 
 import pandas as pd
 import tomli_w
-from campaigns.rows import CODE
+from campaigns.rows import grown, keep
 
 import screwgauge
-from screwgauge.reference.outputs import replace_file
-from screwgauge.study.runner import InTurn, Task, grow_table
 
 FACTORS = (3.0, 2.0, 1.5)
 FIRST = 2000  # seed
@@ -80,18 +78,13 @@ def row(seed: int, folder: Path) -> dict[str, object]:
 def rows_of_larger_motions(count: int, file: Path) -> list[dict[str, str]]:
     table = list[dict[str, str]]()
     while (left := count - sum(each["verdict"] != "refused" for each in table)) > 0:
-        tasks = [Task(f"{seed}", partial(_rows, seed)) for seed in range(FIRST, FIRST + len(table) + left)]
-        text = grow_table(file, COLUMNS, tasks, InTurn(), _lost, about=CODE)
+        works = {f"{seed}": partial(_rows, seed) for seed in range(FIRST, FIRST + len(table) + left)}
+        text = grown(file, COLUMNS, works, lambda seed, why: {"seed": seed, "reason": why})
         table = [*csv.DictReader(StringIO(text))]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(file, text)
+    keep(file, text)
     return table
 
 
-def _lost(seed: str, why: str) -> dict[str, str]:
-    return dict.fromkeys(COLUMNS, "") | {"seed": seed, "reason": why}
-
-
-def _rows(seed: int, progress: Any) -> list[dict[str, Any]]:
+def _rows(seed: int) -> list[dict[str, Any]]:
     with TemporaryDirectory() as folder:
         return [row(seed, Path(folder))]

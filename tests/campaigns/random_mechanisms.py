@@ -1,14 +1,12 @@
 """Random mechanisms put to all engines, a row each: do these agree, and does the truth certify `screw`?"""
 
 import re
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
+from campaigns.rows import drawn
 from campaigns.verdict import counts, judged
 
-import screwgauge
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.scene.scene import Scene
 from screwgauge.study.run import run
@@ -24,10 +22,7 @@ COLUMNS = (
 
 
 def measured(item: tuple[int, str]) -> dict[str, Any]:
-    seed, family = item
-    row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
-    with TemporaryDirectory(prefix="screwgauge-") as folder:
-        scene = screwgauge.random(seed, family, Path(folder))
+    with drawn(item, COLUMNS) as (scene, row):
         row["redrawn"] = re.findall(r"\d+(?= draws)", scene.description)[0]
         row |= counts(scene.mechanism)
         begin = process_time()
@@ -36,7 +31,7 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
         except ScrewgaugeError as error:
             row |= {"verdict": "refused", "reason": f"{type(error).__name__}: {error.what}"}
         row["cpu_s"] = f"{process_time() - begin:.3g}"
-        if seed % TRUTH_EVERY == 0 and row["verdict"] != "refused":
+        if row["seed"] % TRUTH_EVERY == 0 and row["verdict"] != "refused":
             row["truth"] = _certified(scene)
     return row
 

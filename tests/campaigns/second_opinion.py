@@ -1,16 +1,14 @@
 """Random mechanisms put to `screw` and `lagrange`, which share no formulation, a row each, and the page of these."""
 
 from collections import Counter
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
 import pandas as pd
 from campaigns.page import counted, study
+from campaigns.rows import drawn
 from campaigns.verdict import counts, judged
 
-import screwgauge
 from screwgauge.engines.registry import ENGINES
 from screwgauge.report.blocks import Banner, Table, table
 from screwgauge.study.formatting import grouped, rows
@@ -25,10 +23,7 @@ COLUMNS = (
 
 
 def measured(item: tuple[int, str]) -> dict[str, Any]:
-    seed, family = item
-    row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
-    with TemporaryDirectory(prefix="screwgauge-") as folder:
-        scene = screwgauge.random(seed, family, Path(folder))
+    with drawn(item, COLUMNS) as (scene, row):
         row |= counts(scene.mechanism)
         begin = process_time()
         wanted = [name for name in scene.quantities if name not in ENGINES["lagrange"].lacks]

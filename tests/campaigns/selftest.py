@@ -17,7 +17,7 @@ from campaigns.changes import CannotError
 from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
 from campaigns.public import ROBOTS, installed
-from campaigns.rows import CODE
+from campaigns.rows import grown
 
 from screwgauge.diagnosis.answer import Diagnosis, Difference, ToldCause
 from screwgauge.diagnosis.diagnose import diagnose
@@ -25,7 +25,6 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.files.urdf import write_urdf
 from screwgauge.models.mjcf import write_mjcf
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.runner import InTurn, Task, grow_table
 from support.robots import arm, mjcf, tree, urdf
 
 #: Changes, and pairs that are alike for each.
@@ -102,7 +101,7 @@ def selftest(count: int, file: Path, progress: Callable[[str, float], None]) -> 
     """Diagnoses so many changed models, kinds of change in turn, and `PAIRS` as many pairs that are alike.
 
     Args:
-        file: The table that they are for; rows that were made for it before are not made again, see `grow_table`.
+        file: The table that they are for; rows that were made for it before are not made again.
 
     Returns:
         The table, sorted, columns `COLUMNS`.
@@ -111,19 +110,12 @@ def selftest(count: int, file: Path, progress: Callable[[str, float], None]) -> 
     items = {f"{group} {i}": (group, i, kinds[i % len(kinds)]) for group, (n, kinds) in of.items() for i in range(n)}
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         known = machines(Path(folder))
-        text = grow_table(
-            file,
-            COLUMNS,
-            [Task(name, partial(_rows, item, known, Path(folder))) for name, item in items.items()],
-            InTurn(),
-            lambda name, reason: {**dict.fromkeys(COLUMNS, ""), "verdict": "failed", "first": reason},
-            progress,
-            CODE,
-        )
+        works = {name: partial(_rows, item, known, Path(folder)) for name, item in items.items()}
+        text = grown(file, COLUMNS, works, lambda name, why: {"verdict": "failed", "first": why}, (), progress)
     return pd.read_csv(StringIO(text), keep_default_na=False).sort_values(["group", "number"], ignore_index=True)
 
 
-def _rows(item: tuple[str, int, str], known: Sequence[Machine], folder: Path, progress: Any) -> list[dict[str, Any]]:
+def _rows(item: tuple[str, int, str], known: Sequence[Machine], folder: Path) -> list[dict[str, Any]]:
     group, number, kind = item
     return [{"group": group, "number": number, **row(kind, known, folder, [0, group == ALIKE, number])}]
 

@@ -1,8 +1,5 @@
-from functools import partial
-
 import pytest
-from campaigns.alarms import COLUMNS, NAME, PAGE, measured, passed, sentence
-from campaigns.rows import rows_of_mechanisms
+from campaigns.alarms import COLUMNS, PAGE, measured, passed, sentence
 
 pytestmark = pytest.mark.slow
 
@@ -11,9 +8,7 @@ COUNT = 1000
 
 @pytest.mark.campaign
 def test_the_gate_raises_no_false_alarm_and_misses_no_change(campaign):
-    count, file = campaign.count or COUNT, campaign.reports / "check" / NAME
-    make = partial(rows_of_mechanisms, count, file, measured, COLUMNS, execute=campaign.execute)
-    table = campaign.carry_out(PAGE, "check", lambda progress: make(progress=progress), again=True)
+    table = campaign.of_mechanisms(PAGE, "check", measured, COLUMNS, COUNT)
     assert passed(table), sentence(table)
 
 

@@ -3,7 +3,6 @@ from dataclasses import replace
 import pytest
 from campaigns.random_mechanisms import COLUMNS, measured
 from campaigns.random_page import PAGE, plain
-from campaigns.rows import rows_of_mechanisms
 from campaigns.verdict import judged
 
 import screwgauge
@@ -15,13 +14,7 @@ COUNT = 2000
 
 @pytest.mark.campaign
 def test_engines_agree_on_random_mechanisms(campaign):
-    count, file = campaign.count or COUNT, campaign.reports / "random" / PAGE.NAME
-    table = campaign.carry_out(
-        PAGE,
-        "random",
-        lambda progress: rows_of_mechanisms(count, file, measured, COLUMNS, progress, campaign.execute),
-        again=True,
-    )
+    table = campaign.of_mechanisms(PAGE, "random", measured, COLUMNS, COUNT)
     assert {*table["verdict"]} <= {"agree", "estimated"}
 
 

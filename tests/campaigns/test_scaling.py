@@ -1,6 +1,7 @@
 import pandas as pd
 import pytest
 from campaigns import volume
+from campaigns.rows import keep
 from campaigns.scaling import Rung, climbed, exponent, rungs
 
 from screwgauge.judging.residual import columns_of, frame
@@ -10,7 +11,7 @@ from screwgauge.judging.residual import columns_of, frame
 def test_scaling(campaign):
     ladders = rungs(campaign.count)
     table = frame([rung for ladder in ladders.values() for rung in ladder], columns_of(Rung))
-    _write(table, campaign, "scaling.csv")
+    keep(campaign.reports / "compiled" / "scaling.csv", table.to_csv(index=False))
     assert not table["by_array"].any()
     powers = {name: exponent(ladder) for name, ladder in ladders.items() if len(ladder) > 1}
     assert max(powers.values()) < 1.25, powers
@@ -21,14 +22,8 @@ def test_volume(campaign):
     seconds = volume.measured(volume.contestants(["llvm", "numpy"]), campaign.count or volume.ROUNDS)
     rows = [(name, 1e6 * each, seconds["rnea"] / each) for name, each in seconds.items()]
     table = pd.DataFrame(rows, columns=["contestant", "sample_us", "rnea_ratio"])
-    _write(table, campaign, "volume.csv")
+    keep(campaign.reports / "compiled" / "volume.csv", table.to_csv(index=False))
     assert (table["rnea_ratio"][table["contestant"].str.startswith("llvm")] > 1.0).all(), table.to_string()
-
-
-def _write(table: pd.DataFrame, campaign, name: str) -> None:
-    folder = campaign.reports / "compiled"
-    folder.mkdir(parents=True, exist_ok=True)
-    table.to_csv(folder / name, index=False)
 
 
 @pytest.mark.slow

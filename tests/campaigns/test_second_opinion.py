@@ -1,5 +1,4 @@
 import pytest
-from campaigns.rows import rows_of_mechanisms
 from campaigns.second_opinion import COLUMNS, PAGE, measured
 
 COUNT = 1000
@@ -7,13 +6,7 @@ COUNT = 1000
 
 @pytest.mark.campaign
 def test_lagrange_confirms_screw_on_random_mechanisms(campaign):
-    count, file = campaign.count or COUNT, campaign.reports / "second-opinion" / PAGE.NAME
-    table = campaign.carry_out(
-        PAGE,
-        "second-opinion",
-        lambda progress: rows_of_mechanisms(count, file, measured, COLUMNS, progress, campaign.execute),
-        again=True,
-    )
+    table = campaign.of_mechanisms(PAGE, "second-opinion", measured, COLUMNS, COUNT)
     assert {*table["verdict"]} == {"agree"}
 
 
