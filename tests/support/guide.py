@@ -172,7 +172,7 @@ def made() -> dict[Path, str]:
     return {GUIDE / name: f"{MADE}\n{text.rstrip()}\n" for name, text in texts.items()}
 
 
-OF = {"given": " (given motion alone)", "simulated": " (simulation alone)"}
+OF = {"given": " (only given motions)", "simulated": " (only simulations)"}
 
 
 def _scene_keys() -> str:
