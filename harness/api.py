@@ -241,7 +241,7 @@ def compile(
     from screwgauge.engines.screw.compiled import Solver
     from screwgauge.quantities import OF_MOTION, check_quantities
     from screwgauge.reference.errors import DescriptionError, check_choice, shown
-    from screwgauge.scene.preflight import delivered
+    from screwgauge.scene.preflight import determined_at_home
     from screwgauge.scene.scene import check_scene_type
 
     check_scene_type(scene, "compile")
@@ -249,7 +249,7 @@ def compile(
     if not (isinstance(threads, int) and threads > 0):
         raise DescriptionError(f"{shown(threads)} threads", "compile", "use a positive whole number")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", OF_MOTION)
-    wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
+    wanted, left = determined_at_home(scene, wanted) if quantities is None else (wanted, ())
     if parameters is not None:
         from screwgauge.engines.screw.variants import Variants
 

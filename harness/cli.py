@@ -15,7 +15,7 @@ from screwgauge.commands import view
 from screwgauge.commands.execution import check_current
 from screwgauge.processes import fix_threads, save_time
 from screwgauge.reference.errors import UnknownNameError, log_text
-from screwgauge.report.console import console, ended, say
+from screwgauge.report.console import console, report_end, say
 
 DEFAULT_SCENE = "3ups-upu-s"
 PURPOSE = "Do two descriptions of a mechanism's motion agree, by how much, and if not, why?"
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             return _command(arguments)
         except (Exception, KeyboardInterrupt) as error:
-            return ended(error, debug="--debug" in (sys.argv if arguments is None else arguments))
+            return report_end(error, debug="--debug" in (sys.argv if arguments is None else arguments))
 
 
 def _command(arguments: Sequence[str] | None) -> int:

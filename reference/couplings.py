@@ -270,12 +270,12 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
             raise DescriptionError(what, coupling.where, "couple it once")
         above[coupling.coordinate] = coupling.function.terms
     for coupling in couplings:
-        if around := circle(coupling.coordinate, above):
+        if around := find_cycle(coupling.coordinate, above):
             what = f"'{coupling.coordinate}' depends on itself through the couplings of {', '.join(sorted(around))}"
             raise DescriptionError(what, coupling.where, "remove one of them")
 
 
-def circle(coordinate: str, above: Mapping[str, Collection[str]]) -> tuple[str, ...]:
+def find_cycle(coordinate: str, above: Mapping[str, Collection[str]]) -> tuple[str, ...]:
     """Find the cycle of coupled coordinates through which a coordinate depends on itself; return () if it does not.
 
     Args:

@@ -12,7 +12,7 @@ from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.graph import check_connected
-from screwgauge.reference.inertia import settled
+from screwgauge.reference.inertia import settle_tensors
 from screwgauge.reference.left_out import LeftOut, read_left_out
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS
@@ -66,7 +66,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     read_joints = tuple(read_joint(key, value, f"{where}, joints.{key}") for key, value in joints.items())
     given = [_body(key, value, f"{where}, bodies.{key}") for key, value in bodies.items()]
     couplings, allow = read_couplings(data, read_joints, where), read_names(data.get("allow", []), f"{where}, allow")
-    settled_bodies, remarks = settled(given, read_joints, couplings, allow, where)
+    settled_bodies, remarks = settle_tensors(given, read_joints, couplings, allow, where)
     mechanism = Mechanism(
         name=name,
         title=check_text(data.get("title", name), f"{where}, title"),
@@ -108,7 +108,7 @@ def _left_out(
 
 
 def _body(name: str, table: Any, where: str) -> Body:
-    """Read a body; its tensor is checked later, see `settled`."""
+    """Read a body; its tensor is checked later, see `settle_tensors`."""
     read_name(name, where)
     check_keys(table, _BODY, where)
     mass = number(required(table, "mass", where), f"{where}.mass")

@@ -21,7 +21,7 @@ MEANT = 1e-3
 SHOWN = 4
 
 
-def settled(
+def settle_tensors(
     bodies: Sequence[Body],
     joints: Sequence[Joint],
     couplings: Sequence[Coupling] = (),

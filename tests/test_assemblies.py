@@ -14,7 +14,16 @@ from support.models import write_models
 from support.planar import Bar, four_bar, moving
 from support.questions import BASE_LOCK, SCENE, SINGULAR_B, findings
 from support.scene import check_scene
-from support.solve import Anchors, AssemblyMode, Curve, bent, closed_form_positions, continuation, layout, straight
+from support.solve import (
+    Anchors,
+    AssemblyMode,
+    Curve,
+    bent_paths,
+    closed_form_positions,
+    continuation,
+    layout,
+    straight_path,
+)
 from support.stress import CASES, OK, SILENT
 from support.tolerances import ROUNDING
 
@@ -127,7 +136,7 @@ def test_a_motion_beyond_where_the_loops_close_is_refused_there(write):
 
 def test_besides_the_straight_way_two_lead_round_either_side():
     a, b = np.array([0.1, 0.2, 0.3]), np.array([1.0, 0.4, -0.5])
-    way, left, right = (Curve(points) for points in (straight(a, b), *bent(a, b)))
+    way, left, right = (Curve(points) for points in (straight_path(a, b), *bent_paths(a, b)))
     for curve in (way, left, right):
         assert np.abs(curve.points[[0, -1]] - [a, b]).max() < ROUNDING
     middle, *sides = (curve.halves()[0].points[-1] for curve in (way, left, right))
@@ -136,4 +145,4 @@ def test_besides_the_straight_way_two_lead_round_either_side():
     assert abs(bend @ (b - a)) < ROUNDING
     assert np.linalg.norm(bend) == pytest.approx(0.3 * np.linalg.norm(b - a), rel=0.5)
     assert np.abs(sides[0] + sides[1] - 2 * middle).max() < ROUNDING
-    assert bent(a[:1], b[:1]) == []
+    assert bent_paths(a[:1], b[:1]) == []

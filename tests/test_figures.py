@@ -7,10 +7,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from screwgauge.report.figures.chart import straight, thin
+from screwgauge.report.figures.chart import straight_samples, thin
 from support.command import printed_by
 from support.pages import Picture
-from support.report import _error_and_time, by_camp, chart
+from support.report import _error_and_time, chart, looks_by_camp
 
 HOSTILE = "<script>alert(1)</script> </script> \"quoted\" 'too' & \x1b[31m \u202e \ud800 ${x} {{y}} " + 300 * "w"
 
@@ -22,7 +22,7 @@ def texts(plot: Picture) -> list[str]:
 
 def drawn(curves: dict[str, Any], title: str = "A title", unit: str = "q [m]", **more: Any) -> Picture:
     t = np.linspace(0.0, 1.0, len(next(iter(curves.values()))))
-    looks = by_camp(curves)
+    looks = looks_by_camp(curves)
     series = [
         ({"panel": "", "curve": name, "engine": name, "colour": looks[name].colour, "kind": "line"}, t, np.array(v))
         for name, v in curves.items()
@@ -99,7 +99,7 @@ def test_points_on_a_line_between_others_are_left_out() -> None:
     t = np.linspace(0.0, 10.0, 240)
     v = np.where(t < 5.0, np.sin(t), np.nan)
     v[200] = 7.0
-    some = straight(t, v, 0.01)
+    some = straight_samples(t, v, 0.01)
     assert {0, 200, 239} <= set(some)
     assert len(some) < 160
     assert np.array_equal(np.isnan(v), np.isnan(np.interp(t, t[some], v[some])))
@@ -127,7 +127,7 @@ def test_labels_beside_points_do_not_cover_each_other() -> None:
     ]
     axes = "Title", "run time", "error [1]"
     others = [(1e-5, 1e-6, "Someone"), (1e-4, np.nan, "Quick"), (np.nan, 1e-8, "Exact")]
-    plot = _error_and_time("name", axes, points, by_camp(["screw"]), (), others)
+    plot = _error_and_time("name", axes, points, looks_by_camp(["screw"]), (), others)
     label = r'text-anchor="(\w+)"[^>]*translate\(([^,]+),([^)]+)\)[^>]*opacity="(\S+)"[^>]*>(?:setting|Someone)'
     found = re.findall(label, plot.svg)
     boxes = [(side, float(x), float(y)) for side, x, y, seen in found if float(seen) > 0.0]
@@ -138,7 +138,7 @@ def test_labels_beside_points_do_not_cover_each_other() -> None:
 
 
 def test_lines_of_a_camp_share_its_colour_and_differ_in_shape_and_dash() -> None:
-    looks = by_camp([f"mujoco {k}" for k in range(12)] + ["screw", "pinocchio"])
+    looks = looks_by_camp([f"mujoco {k}" for k in range(12)] + ["screw", "pinocchio"])
     assert len({look.colour for look in looks.values()}) == 3
     assert len({(look.colour, look.shape, look.dash) for look in looks.values()}) == 14
 

@@ -6,7 +6,7 @@ import pytest
 import screwgauge
 from screwgauge.cli import main
 from screwgauge.report.figures.contour import lines
-from screwgauge.report.figures.drawings import unmatched
+from screwgauge.report.figures.drawings import unmatched_figures
 from support.data import data
 from support.errors import DescriptionError
 from support.judging import agreed
@@ -173,7 +173,7 @@ def test_one_command_draws_the_map_and_names_every_cell(ankle, tmp_path, capsys)
 
 def test_a_component_that_is_not_there_is_named(ankle):
     scene = ankle(0.3, 3, FIGURE.replace("toe", "heel"))
-    (sentence,) = unmatched(scene.figures, screwgauge.run(scene, ["screw"]).solutions)
+    (sentence,) = unmatched_figures(scene.figures, screwgauge.run(scene, ["screw"]).solutions)
     assert "heel.vz/left" in sentence
 
 

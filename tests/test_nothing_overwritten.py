@@ -8,7 +8,7 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.outputs import is_as_written, stamped
-from screwgauge.report.folder import locked
+from screwgauge.report.folder import lock_folder
 from support.command import main
 from support.errors import OutputError
 from support.repository import repository, scene
@@ -257,7 +257,7 @@ def test_a_report_takes_the_place_of_one_s_own_files_by_force_only(capsys):
 @pytest.mark.slow
 def test_the_second_command_into_a_folder_is_refused(capsys):
     run = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position", "--out", "out"]
-    with locked(Path("out")):
+    with lock_folder(Path("out")):
         assert main(run) == 2
         assert "out: another command is writing" in capsys.readouterr().err
         with pytest.raises(OutputError, match="another command"):
@@ -273,11 +273,11 @@ def test_a_folder_is_free_when_who_held_it_is_killed():
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", code], env=environment, **pipes) as one:
         one.stdout.readline()
-        with pytest.raises(OutputError, match="another command"), locked(Path("out")):
+        with pytest.raises(OutputError, match="another command"), lock_folder(Path("out")):
             pass
         one.kill()
         one.wait()
-    with locked(Path("out")):
+    with lock_folder(Path("out")):
         pass
 
 

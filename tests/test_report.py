@@ -16,7 +16,7 @@ from screwgauge.judging.coverage import Coverage
 from screwgauge.reference.mobility import Mobility
 from screwgauge.report import folder as writing
 from screwgauge.report.figures import run as drawing
-from screwgauge.report.figures.drawings import named
+from screwgauge.report.figures.drawings import named_drawings
 from screwgauge.scene.entries import Figure
 from screwgauge.study.left_out import LeftOutForces
 from support.acting import Applied, Load
@@ -519,7 +519,7 @@ def test_the_first_screen_has_the_actuator_forces_or_what_differs_and_the_machin
             for name, one in results.solutions.items()
         }
         found = replace(results, solutions=solutions)
-        plots = [picture(name, one.quantity) for name, one in named(found).items()]
+        plots = [picture(name, one.quantity) for name, one in named_drawings(found).items()]
         machine = picture("m", stage='{"doubts": [], "shapes": [], "words": []}')
         (front,) = [
             block

@@ -47,10 +47,10 @@ def carry_out(
         The results.
     """
     from screwgauge.report.console import Progress
-    from screwgauge.report.folder import MANIFEST, PAGES, SAMPLES, check_writable, locked
+    from screwgauge.report.folder import MANIFEST, PAGES, SAMPLES, check_writable, lock_folder
 
     names = [*page.DATA, *([SAMPLES] if writing.get("samples") else [])]
-    with locked(out):
+    with lock_folder(out):
         written = {f"the report's {name}": out / name for name in (*names, *PAGES, MANIFEST)}
         check_apart({**written, **files[1]}, () if force else files[0])
         check_writable(out, names, force=force)

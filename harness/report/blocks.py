@@ -130,15 +130,15 @@ def walk(blocks: Iterable[Block]) -> Iterator[Block]:
             yield from walk(block.blocks)
 
 
-def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[Block]:
+def map_leaves(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[Block]:
     """Apply a change to each leaf block."""
     return [
-        replace(block, blocks=tuple(changed(block.blocks, change))) if isinstance(block, Group) else change(block)
+        replace(block, blocks=tuple(map_leaves(block.blocks, change))) if isinstance(block, Group) else change(block)
         for block in blocks
     ]
 
 
-def or_reason(block: Block) -> Block:
+def without_lost_picture(block: Block) -> Block:
     """Replace a picture that could not be drawn with a paragraph that states the reason."""
     if isinstance(block, Picture) and block.lost:
         return Text(f"Not drawn: {block.title} ({block.lost}).")

@@ -103,7 +103,7 @@ def complain(text: str) -> None:
         print(log_text(text), file=sys.stderr, flush=True)
 
 
-def ended(error: BaseException, *, debug: bool) -> int:
+def report_end(error: BaseException, *, debug: bool) -> int:
     """Report in one sentence why a command ended early, or show the traceback.
 
     Returns:

@@ -67,7 +67,7 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
             odd = "is a folder" if path.is_dir() else "is not a folder"
         if odd:
             raise OutputError(f"{name} {odd}", str(out), _ELSEWHERE)
-    ours = {MANIFEST, *written(out)}
+    ours = {MANIFEST, *unchanged_files(out)}
     for name in names:
         if not force and name not in ours and (out / name).exists():
             what = f"{name} exists, and is not an unmodified file of an earlier report ({MANIFEST} has the digests)"
@@ -141,7 +141,7 @@ MANIFEST = "report-files.json"
 ENDINGS = (".md", ".html", ".svg", ".csv", ".json", ".parquet", ".pdf")
 
 
-def written(out: Path) -> set[str]:
+def unchanged_files(out: Path) -> set[str]:
     """Return the names of a report's unchanged files in a folder; empty without a report.
 
     Raises:
@@ -205,7 +205,7 @@ _UNABLE = {errno.EBADF, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINV
 
 
 @contextmanager
-def locked(out: Path) -> Iterator[None]:
+def lock_folder(out: Path) -> Iterator[None]:
     """Create a folder if needed, and lock it within the context; the system unlocks it if the process dies.
 
     If the created folder stays empty, it is removed.

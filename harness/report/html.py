@@ -133,7 +133,7 @@ def _link_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> st
 
 def fragment(blocks: Iterable[Block]) -> str:
     """Render blocks for embedding, without a page around them."""
-    return "\n".join(_block(b.or_reason(block)) for block in blocks)
+    return "\n".join(_block(b.without_lost_picture(block)) for block in blocks)
 
 
 def _block(block: Block) -> str:

@@ -22,10 +22,10 @@ from screwgauge.report.blocks import (
     Picture,
     Table,
     Text,
-    changed,
     facts,
-    or_reason,
+    map_leaves,
     table,
+    without_lost_picture,
 )
 from screwgauge.report.figures.renderer import RENDERER, losses
 from screwgauge.report.text import markdown
@@ -138,7 +138,7 @@ class Report:
         last = [block for title, text in appendix for block in filled.section(title, text)]
         words = _used(markdown([*blocks, *last]))
         last += [Text("Glossary", 2), Group("glossary", (Table(("", ""), words),))] if words else []
-        return changed([*blocks, Group("appendix", tuple(last))], or_reason)
+        return map_leaves([*blocks, Group("appendix", tuple(last))], without_lost_picture)
 
     def terminal(self, results: Any) -> list[Block]:
         """Return the blocks of the section "On a terminal"."""

@@ -12,7 +12,7 @@ from screwgauge.study.formatting import Row, listed, number, unit_text
 FIGURES = 3
 
 
-def more(results: Comparison) -> str:
+def additions(results: Comparison) -> str:
     """List what each file adds to the rigid machine: ``the file also contains: armature of joint m1, ...``."""
     by_file: dict[str, list[str]] = {}
     for term in results.left_out.terms:
@@ -23,14 +23,14 @@ def more(results: Comparison) -> str:
 def sentences(results: Comparison, *, agree: bool) -> list[str]:
     """Describe what files add to the rigid machine, on which agreeing engines agree."""
     if not results.left_out.terms:
-        return [*contained(results)]
-    text = more(results)
+        return [*contained_sentences(results)]
+    text = additions(results)
     who = listed(results.solutions)
     if len(results.solutions) == 1:
         head = f"{who} refers to the rigid machine; {text}."
     else:
         head = f"{who} agree on the rigid machine; {text}." if agree else f"{text.replace('the file', 'The file', 1)}."
-    return [head, *contained(results)]
+    return [head, *contained_sentences(results)]
 
 
 def phrase(term: LeftOutTerm) -> str:
@@ -48,7 +48,7 @@ def owners(names: Sequence[str]) -> str:
     return listed(f"{n} {noun if n == 1 else plurals.get(noun, f'{noun}s')}" for noun, n in nouns.items())
 
 
-def contained(results: Comparison) -> Iterator[str]:
+def contained_sentences(results: Comparison) -> Iterator[str]:
     """Yield a sentence on each table or engine whose values include forces that the description omits."""
     for name, kinds in results.left_out.contained.items():
         yield f"Numbers of {name} contain {listed(kinds)}, which the comparison leaves out."

@@ -165,7 +165,7 @@ def _quantity(row: Row) -> Row:
     return {**first, "worst": worst, **{key: row[key] for key in ("rule", "unique", "tolerance", "ok")}, **more}
 
 
-def judged(provenance: Mapping[str, Any]) -> dict[str, str]:
+def judged_files(provenance: Mapping[str, Any]) -> dict[str, str]:
     """Return the files of scene, description and models with their hashes, and the date."""
     files = {
         "scene file": {"file": provenance.get("scene_file"), "sha256": provenance.get("scene_sha256")},
@@ -176,7 +176,7 @@ def judged(provenance: Mapping[str, Any]) -> dict[str, str]:
     return {**named, "date": provenance.get("date", "")}
 
 
-def short(judged: Mapping[str, str]) -> dict[str, str]:
+def shorten_hashes(judged: Mapping[str, str]) -> dict[str, str]:
     """Shorten paths to file names, and hashes to their first digits."""
 
     def shortened(text: str) -> str:

@@ -25,7 +25,7 @@ OPEN_TREE = {
 }
 
 
-def compared(results: Comparison) -> list[Row]:
+def compared_pairs(results: Comparison) -> list[Row]:
     """Return the rows of pairs whose engines both ran, with the name of the pair."""
     return [{**row, "pair": f"{row['a']} - {row['b']}"} for row in rows(results.compared)]
 
@@ -33,7 +33,7 @@ def compared(results: Comparison) -> list[Row]:
 def first_difference(results: Comparison) -> Row | None:
     """Return the first row out of tolerance as quantity, component, a, b, size (scaled error); None if all agree."""
     keys = {"quantity": "quantity", "component": "worst_component", "a": "a", "b": "b", "size": "max_scaled"}
-    bad = (row for row in compared(results) if not row["ok"])
+    bad = (row for row in compared_pairs(results) if not row["ok"])
     return next(({key: row[column] for key, column in keys.items()} for row in bad), None)
 
 
@@ -106,7 +106,7 @@ def _unjudged(results: Comparison) -> list[str]:
 
 def _report_undecided(results: Comparison) -> list[str]:
     """Report undecided rows out of tolerance, using the pair or residual with most of them as example."""
-    found = [row for row in [*compared(results), *rows(results.judge)] if row["undecided"]]
+    found = [row for row in [*compared_pairs(results), *rows(results.judge)] if row["undecided"]]
     row = max(found, key=lambda row: row["undecided"])
     count = f"{results.undecided} of {len(results.times)} samples"
     if "a" not in row:
@@ -117,7 +117,7 @@ def _report_undecided(results: Comparison) -> list[str]:
 
 def _difference(results: Comparison) -> list[str]:
     """Report the first difference."""
-    bad, pairs = rows(results.differences), compared(results)
+    bad, pairs = rows(results.differences), compared_pairs(results)
     row = bad[0]
     more = [f"{len(bad)} of {len(pairs)} comparisons are out of tolerance."] if len(bad) > 1 else []
     if missing(row["max_scaled"]):
@@ -260,7 +260,7 @@ def has_excuse(row: Row, simulated: bool) -> bool:
 
 
 def _agreement(results: Comparison) -> list[str]:
-    engines, pairs = list(results.solutions), compared(results)
+    engines, pairs = list(results.solutions), compared_pairs(results)
     if not engines:
         return ["No engine ran."]
     if pairs:

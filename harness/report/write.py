@@ -14,8 +14,8 @@ from typing import Any, Self
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.reference.outputs import check_free, replace_file, save_file
-from screwgauge.report.blocks import Block, Picture, as_kind, changed, walk
-from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked, write_files, written
+from screwgauge.report.blocks import Block, Picture, as_kind, map_leaves, walk
+from screwgauge.report.folder import PAGES, SAMPLES, check_writable, lock_folder, unchanged_files, write_files
 from screwgauge.report.html import fragment, page
 from screwgauge.report.text import markdown, screenful
 from screwgauge.study.formatting import free_name
@@ -55,7 +55,7 @@ def write_report(
     printed = [PDF] if pdf else []
     check_writable(out, [*data, *printed], force=force)
     numbers = {name: _text(value, figures) for name, value in data.items() if name != SAMPLES}
-    before = written(out)
+    before = unchanged_files(out)
     write_files(out, numbers, before)
     for name in before - {*numbers}:  # pictures of an earlier run would mislead next to the new report
         (out / name).unlink(missing_ok=True)
@@ -91,7 +91,7 @@ def _name_pictures(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
         taken.add(name := free_name(block.name, taken))
         return replace(block, name=name)
 
-    return changed(blocks, named)
+    return map_leaves(blocks, named)
 
 
 def _text(value: Any, figures: int | None) -> str:
@@ -142,7 +142,7 @@ class Shown:
     def _write(self, out: str | Path, **writing: Any) -> Path:
         if out == "":
             raise OutputError("is empty, which would mean the current folder", "out", "choose a folder")
-        with locked(Path(out)):
+        with lock_folder(Path(out)):
             path: Path = self._report().write(self, Path(out), **writing)
         return path
 

@@ -112,7 +112,7 @@ def read_contacts(mechanism: Mechanism, data: dict[str, Any], where: str) -> tup
     return contacts
 
 
-def touching_at(mechanism: Mechanism, contacts: Sequence[Contact], q: Array, where: str) -> Mechanism:
+def add_contacts(mechanism: Mechanism, contacts: Sequence[Contact], q: Array, where: str) -> Mechanism:
     """Return the mechanism with contacts; its home pose has the given joint coordinates, shape (n_q,).
 
     A weld of a body on a free joint locks the coordinates of that joint instead of closing a loop.
@@ -137,7 +137,7 @@ def _exact(R: Array) -> Array:
     return np.round(R) if np.abs(R - np.round(R)).max() < ROUNDING else np.where(np.abs(R) < EPS, 0.0, R)
 
 
-def independent_of(
+def choose_independent(
     touching: Mechanism, mechanism: Mechanism, named: Sequence[str], where: str
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Return label -> independent coordinate under contacts, and the named coordinates that are dependent.

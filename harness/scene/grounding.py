@@ -26,7 +26,7 @@ from screwgauge.reference.graph import layout, root
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, read_list, required
-from screwgauge.scene.contacts import Contact, independent_of, read_contacts, touching_at
+from screwgauge.scene.contacts import Contact, add_contacts, choose_independent, read_contacts
 from screwgauge.scene.grid import is_grid
 from screwgauge.scene.motion import moved_labels, read_drive
 from screwgauge.scene.scene import RULES
@@ -96,8 +96,8 @@ def _in_contact(
     """Return the mechanism with contacts, its assumptions, and the tables without motions of dependent coordinates."""
     where = f"{path}, contacts"
     stance = _stance(mechanism, start, data.get("stance", {}), f"{path}, stance")
-    touching = touching_at(mechanism, contacts, stance, where)
-    independent, surplus = independent_of(touching, mechanism, [*start], where)
+    touching = add_contacts(mechanism, contacts, stance, where)
+    independent, surplus = choose_independent(touching, mechanism, [*start], where)
     touching = replace(touching, independent=independent)
     said = [
         _assumption(contacts),

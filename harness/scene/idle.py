@@ -70,7 +70,7 @@ def read_given(
     if not labels:
         labels = every  # treat an empty motion as a motion of all coordinates
     if labels != every:
-        left_to_forces(mechanism, labels, where)
+        check_driven(mechanism, labels, where)
     return *read_drive(table, labels, folder, where), tuple(labels)
 
 
@@ -83,7 +83,7 @@ def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, whe
     return {label: read_keys("idle", entry, f"{where}.{label}") for label, entry in table.items()}
 
 
-def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> None:
+def check_driven(mechanism: Mechanism, labels: Sequence[str], where: str) -> None:
     """Reject a motion unless its coordinates are exactly the independent coordinates that actuators drive.
 
     Raises:

@@ -118,7 +118,7 @@ def _left_to_forces(mechanism: Mechanism, driven: int) -> str:
     return f"remove {names} from [motion], so that the motion follows from the forces,"
 
 
-def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def determined_at_home(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the result of `check_actuation` from the counts at home, for a motion that is not known yet."""
     lay = check_home(scene.mechanism)
     return check_actuation(scene, mobility(lay, scene.mechanism.home[None]), quantities)

@@ -12,7 +12,7 @@ from screwgauge.models.home import check_home
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.preflight import SampleWalk, delivered
+from screwgauge.scene.preflight import SampleWalk, determined_at_home
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.solution import Solution
 from screwgauge.study.solving import solve
@@ -58,7 +58,7 @@ def stream(
     wanted = check_quantities(scene.quantities if quantities is None else quantities)
     if scene.simulated:
         raise DescriptionError("a forward scene is integrated, not streamed", scene.name, "use run")
-    wanted, left = delivered(scene, wanted)
+    wanted, left = determined_at_home(scene, wanted)
     walk = SampleWalk(check_home(scene.mechanism))
     for t in parts:
         t = np.asarray(t, dtype=float)

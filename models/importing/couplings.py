@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.models.importing.joints import few_names
 from screwgauge.models.readings.reading import CouplingReading
-from screwgauge.reference.couplings import PolynomialSum, circle
+from screwgauge.reference.couplings import PolynomialSum, find_cycle
 from screwgauge.reference.rotations import Array
 
 Couplings = Mapping[str, CouplingReading]
@@ -28,7 +28,7 @@ def solve_couplings(couplings: Couplings, leading: Collection[str]) -> tuple[Cou
     if not couplings:
         return couplings, []
     new = _solve_each(couplings, leading)
-    if new is None or any(circle(one.joint, _leads(new)) for one in new.values()):
+    if new is None or any(find_cycle(one.joint, _leads(new)) for one in new.values()):
         new = _solve_linear(couplings, leading)
     other = [one.joint for name, one in new.items() if one.joint != couplings[name].joint]
     sentences = [f"Couplings are solved for {few_names(other)}: driven and independent joints lead."] if other else []

@@ -33,7 +33,7 @@ from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count, digest, files_read, is_file
-from screwgauge.reference.inertia import TRIANGLE, settled
+from screwgauge.reference.inertia import TRIANGLE, settle_tensors
 from screwgauge.reference.left_out import LeftOut, entries
 from screwgauge.reference.lint import implausible
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
@@ -175,7 +175,7 @@ def _mechanism(
         check_count(count, what, where)
     left = {name for link in graph.links for name in link.joints}
     couplings = tuple(_coupling(n, entry, where) for n, entry in reading.couplings.items() if entry.joint in left)
-    bodies, sentences = settled((*solid, *carriers), joints, couplings, allow, where)
+    bodies, sentences = settle_tensors((*solid, *carriers), joints, couplings, allow, where)
     remarks += (f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences)
     mechanism = Mechanism(
         name=accept_names([reading.name], "model")[reading.name],
@@ -227,7 +227,7 @@ def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
 
 
 def _body(name: str, body: RigidBody, length: float, where: str) -> Body:
-    """Build a body without checking its tensor, see `settled`."""
+    """Build a body without checking its tensor, see `settle_tensors`."""
     matter = body.local
     if not matter.mass:
         return Body(name, 0.0, np.zeros(3), np.zeros((3, 3)))

@@ -19,13 +19,13 @@ from screwgauge.reference.closed.newton import (
     Motion,
     Rates,
     State,
-    bent,
-    consistent,
+    are_consistent,
+    bent_paths,
     hermite,
     knots,
     newton,
     predict_unknowns,
-    straight,
+    straight_path,
     velocity_map,
 )
 from screwgauge.reference.closed.walk import EACH, LEAP, MISS, MOST, Blocked, Walk
@@ -176,7 +176,7 @@ class Continuation(Walk):
             Shapes (n, 6, k), (n,), (n, k).
         """
         before = np.concatenate([(self.last[1] if self.last else self.anchors[self.at].y)[None], y[:-1]])
-        points, moving, miss = straight(before, y), np.zeros(len(y), dtype=bool), np.zeros_like(y)
+        points, moving, miss = straight_path(before, y), np.zeros(len(y), dtype=bool), np.zeros_like(y)
         if rates is None:
             return points, moving, miss
         known = len(self.last) == 4
@@ -187,7 +187,7 @@ class Continuation(Walk):
         h = np.diff(t)
         ends: list[State] = [(x[0][some], x[1][some], x[2][some]) for x in [states] for some in (np.s_[:-1], np.s_[1:])]
         rows = slice(0 if known else 1, None)
-        moving[rows] = consistent(h, *ends)
+        moving[rows] = are_consistent(h, *ends)
         if drive is not None:  # the motion also leads from rest to rest
             moving[rows] |= (h > 0.0) & ~np.concatenate([x for end in ends for x in end[1:]], axis=1).any(axis=1)
         points[rows] = np.where(moving[rows, None, None], hermite(h, *ends), points[rows])
@@ -235,9 +235,12 @@ class Continuation(Walk):
         ways = [(list[int](), curve)]
         around = not moving and not (self.strict and self.begun)
         if around:
-            ways += [([], Curve(points)) for points in bent(curve.points[0], target)]
+            ways += [([], Curve(points)) for points in bent_paths(curve.points[0], target)]
         if around and start:
-            ways += [(self._ancestors(), Curve(points)) for points in (straight(home, target), *bent(home, target))]
+            ways += [
+                (self._ancestors(), Curve(points))
+                for points in (straight_path(home, target), *bent_paths(home, target))
+            ]
         ends = list[PathEnd]()
         for back, way in ways:
             self.visits[seen:], self.left = back, MOST + int(EACH * length)
@@ -319,5 +322,5 @@ class Continuation(Walk):
         try:
             return self._exactly(poses.y[i], int(poses.anchor[i]), poses.z[i])
         except Blocked as blocked:
-            way = Curve(straight(self.anchors[self.at].y, poses.y[i]))
+            way = Curve(straight_path(self.anchors[self.at].y, poses.y[i]))
             raise self._end(way, float(poses.t[i]), singular=blocked.singular) from None

@@ -217,13 +217,13 @@ def hermite(h: Array, before: State, after: State) -> Array:
     return np.stack([y0, first, second, third, last, y1], axis=-2)
 
 
-def straight(y0: Array, y1: Array) -> Array:
+def straight_path(y0: Array, y1: Array) -> Array:
     """Return control points of straight paths. Shapes (..., k) -> (..., 6, k)."""
     share = np.linspace(0.0, 1.0, 6)[:, None]
     return np.asarray(y0[..., None, :] * (1.0 - share) + y1[..., None, :] * share)
 
 
-def bent(y0: Array, y1: Array) -> list[Array]:
+def bent_paths(y0: Array, y1: Array) -> list[Array]:
     """Return control points, (6, k), of two paths bent to either side of the straight path; empty if k = 1."""
     way = y1 - y0
     if len(way) < 2:
@@ -231,10 +231,10 @@ def bent(y0: Array, y1: Array) -> list[Array]:
     across = np.eye(len(way))[int(np.argmin(np.abs(way)))]
     across = across - way * (across @ way) / max(float(way @ way), np.finfo(float).tiny)
     bend = 0.4 * np.linalg.norm(way) * np.array([0.0, 1.0, 1.0, 1.0, 1.0, 0.0])[:, None] * across
-    return [straight(y0, y1) + sign * bend for sign in (1.0, -1.0)]
+    return [straight_path(y0, y1) + sign * bend for sign in (1.0, -1.0)]
 
 
-def consistent(h: Array, before: State, after: State) -> Array:
+def are_consistent(h: Array, before: State, after: State) -> Array:
     """Return True where derivatives fit a motion through both values, unlike in a mere list of poses. Shape (...)."""
     h = h[..., None]
     (y0, v0, a0), (y1, v1, a1) = before, after

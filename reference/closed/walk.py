@@ -139,12 +139,12 @@ class Walk:
         both = np.stack([start, 0.5 * (start + base.z)]), np.stack([goal, 0.5 * (goal + base.y)])
         begun = self.evaluate(*both)
         ahead, half = base.change(self._full(begun[1], begun[2:]))
-        if not (at_most(ahead, CHANGE) and at_most(half - 0.5 * ahead, 0.5 * CHANGE)):
+        if not (is_at_most(ahead, CHANGE) and is_at_most(half - 0.5 * ahead, 0.5 * CHANGE)):
             return False
         anchor = self._measure(start, goal, begun[0][0], begun[1][0], base)
         if anchor is None or not self.anchors.corrections((anchor.z - start)[None], np.array([self.at]))[0] <= NEAR:
             return False
-        if not at_most(base.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
+        if not is_at_most(base.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
             return False
         # near a singular pose, an anchor that leads away looks like an anchor of the crossing branch
         if anchor.beta > self.floor or 2.0 * anchor.beta < base.faint:
@@ -313,7 +313,7 @@ class Walk:
         return turns
 
 
-def at_most(A: Array, limit: float) -> bool:
+def is_at_most(A: Array, limit: float) -> bool:
     """Return True if a matrix is finite and its 2-norm is within a limit; the larger Frobenius norm often suffices."""
     if not np.isfinite(A).all():
         return False

@@ -18,7 +18,7 @@ from screwgauge.reference.equations.kinematics import (
     joint_bias,
     joint_screws,
 )
-from screwgauge.reference.equations.ops import Ops, absent
+from screwgauge.reference.equations.ops import Ops, is_absent
 from screwgauge.reference.equations.recursion import BodyAccelerations
 from screwgauge.reference.equations.screws import (
     Array,
@@ -129,7 +129,7 @@ class CutJoint:
         n = directions.shape[-2]
         f = times(transpose(directions), x[..., :n])
         m = times(transpose(kind.moments(self.at)), x[..., n:])
-        if not absent(along):
+        if not is_absent(along):
             driven = times(transpose(self.D), along)
             f, m = f + driven[..., :3], m + driven[..., 3:] - cross(self.at.p_child, driven[..., :3])
         across = m + cross(self.at.p_child - self.at.p_parent, f) if self.at.slides else m

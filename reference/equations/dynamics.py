@@ -18,7 +18,7 @@ from screwgauge.reference.equations.applied_forces import forces_along, resistin
 from screwgauge.reference.equations.closure import Loops, Motion
 from screwgauge.reference.equations.joint_types import reaction_components, reaction_names
 from screwgauge.reference.equations.kinematics import Coordinates, walk, zeros
-from screwgauge.reference.equations.ops import Ops, System, absent
+from screwgauge.reference.equations.ops import Ops, System, is_absent
 from screwgauge.reference.equations.recursion import BodyAccelerations, at_origin, inward, on_child, wrench
 from screwgauge.reference.equations.screws import (
     Array,
@@ -87,7 +87,7 @@ class Dynamics(Motion):
         """Convert forces along all joints to tree forces with the same power. Shape (..., n_q) -> (..., n)."""
         tau = along[..., self.loops.columns]
         for column in self.loops.owner:
-            if not absent(along[..., column]):
+            if not is_absent(along[..., column]):
                 places, row = self.reading(column)
                 tau[..., places] = tau[..., places] + scale(along[..., column], row[..., 0, :])
         return tau

@@ -190,12 +190,12 @@ def is_zero(x: Any) -> bool:
     return isinstance(x, float | int) and x == 0.0
 
 
-def absent(x: Array) -> bool:
+def is_absent(x: Array) -> bool:
     """Return True if all entries are zero, structurally or at every sample."""
     return all(map(is_zero, x.flat)) if x.dtype == object else not x.any()
 
 
-def each(function: Callable[..., Any], arguments: int = 1) -> Callable[..., Any]:
+def vectorize(function: Callable[..., Any], arguments: int = 1) -> Callable[..., Any]:
     """Vectorise a function of single objects."""
     applied: Callable[..., Any] = np.frompyfunc(function, arguments, 1)
     return applied
@@ -203,10 +203,10 @@ def each(function: Callable[..., Any], arguments: int = 1) -> Callable[..., Any]
 
 NUMPY = Ops(np.sin, np.cos, np.sqrt, np.arctan2, np.maximum, Dense)
 TRACE = Ops(
-    each(partial(apply, "sin")),
-    each(partial(apply, "cos")),
-    each(partial(apply, "sqrt")),
-    each(partial(apply, "atan2"), 2),
-    each(partial(apply, "max"), 2),
+    vectorize(partial(apply, "sin")),
+    vectorize(partial(apply, "cos")),
+    vectorize(partial(apply, "sqrt")),
+    vectorize(partial(apply, "atan2"), 2),
+    vectorize(partial(apply, "max"), 2),
     Sparse,
 )

@@ -53,7 +53,7 @@ class FrameMotion(NamedTuple):
         return np.asarray(self.a + times(self.turning.E, r))
 
 
-def out(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotion:
+def next_motion(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotion:
     """Return the motion of the next frame; the cross product is the bracket of eq. (36) in eqs. (42), (43), (48).
 
     Args:
@@ -74,7 +74,7 @@ def out(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotio
     return FrameMotion(turning, a)
 
 
-def back(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Array]:
+def previous_wrench(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Array]:
     """Transfer force and moment from the next frame to this frame; write the force along the coordinate into tau."""
     if crossing.axis is not None:
         tau[..., crossing.column] = crossing.sign * dot(crossing.axis, m if crossing.travel is None else f)
@@ -91,7 +91,7 @@ def outward(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
     for step, freedoms in zip(walk(pose.lay), pose.crossings, strict=True):
         motion = each[step.near]
         for crossing in chain(step.start if step.near else (), freedoms, step.end):  # the ground is at rest
-            motion = out(crossing, motion, w, beta)
+            motion = next_motion(crossing, motion, w, beta)
         each[step.far] = motion
     return BodyAccelerations(pose, each)
 
@@ -111,14 +111,14 @@ def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Arra
     for step, freedoms in reversed([*zip(walk(pose.lay), pose.crossings, strict=True)]):
         f, m = total[step.far]
         for crossing in step.end[::-1]:
-            f, m = back(crossing, f, m, tau)
+            f, m = previous_wrench(crossing, f, m, tau)
         through[step.edge.joint.name] = f, m
         for crossing in freedoms[::-1]:
-            f, m = back(crossing, f, m, tau)
+            f, m = previous_wrench(crossing, f, m, tau)
         if step.edge.reverse:
             through[step.edge.joint.name] = -f, -m
         for crossing in step.start[::-1] if step.near else ():  # no balance for the ground
-            f, m = back(crossing, f, m, tau)
+            f, m = previous_wrench(crossing, f, m, tau)
         total[step.near] = total[step.near][0] + f, total[step.near][1] + m
     return tau, through
 

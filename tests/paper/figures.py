@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import DASHES, GREY, Curve, Look, Spec, numbered, thin
+from screwgauge.report.figures.chart import DASHES, GREY, Curve, Look, Spec, numbered_look, thin
 
 if TYPE_CHECKING:
     from paper.page import Paper
@@ -47,19 +47,19 @@ def make_plots(paper: Paper) -> list[Picture]:
 def _steps(runs: Runs) -> Picture:
     pairs = ((name, *pair) for name, ladder in runs.ladders.items() for pair in zip(*ladder, strict=True))
     points = [{"name": name, "x": step, "y": error} for name, step, error in pairs]
-    values = chart.ways("name", {name: numbered(i) for i, name in enumerate(runs.ladders)})
+    values = chart.ways("name", {name: numbered_look(i) for i, name in enumerate(runs.ladders)})
     for axis, title in (("x", "step [s]"), ("y", "largest gap of a leg [m]")):
         values |= chart.logarithm(axis, [point[axis] for point in points]) | {f"{axis}_title": title}
-    spec = chart.filled("points", points=points, height=165, **values)
+    spec = chart.fill_template("points", points=points, height=165, **values)
     title = "The paper's scheme: a shorter step does not mend the printed twist"
     return chart.picture("paper-scheme-steps", title, lambda moving: spec)
 
 
 def _lines(curves: Sequence[Curve], title: str, moving: bool) -> Spec:
     names = dict.fromkeys(keys["name"] for keys, _, _ in curves)
-    looks = {name: Look(GREY, DASHES[2]) if name == SINGULAR else numbered(i) for i, name in enumerate(names)}
+    looks = {name: Look(GREY, DASHES[2]) if name == SINGULAR else numbered_look(i) for i, name in enumerate(names)}
     thinned = [(keys, thin(v, STRETCHES[moving]), t, v) for keys, t, v in curves]
     series = [(keys, t[at], v[at]) for keys, at, t, v in thinned]
     values = chart.columns(len({keys["panel"] for keys, _, _ in curves})) | chart.ways("name", looks)
     values |= chart.logarithm("y", np.concatenate([v for _, _, v in curves]))
-    return chart.filled("lines", **chart.curves(series, moving), **values, title=title)
+    return chart.fill_template("lines", **chart.curves(series, moving), **values, title=title)

@@ -13,7 +13,7 @@ from paper.scheme import Runs
 from screwgauge.quantities import MAX_DIGITS
 from screwgauge.report.blocks import Banner
 from screwgauge.report.layout import Report
-from screwgauge.report.record import judged, short
+from screwgauge.report.record import judged_files, shorten_hashes
 from screwgauge.scene.read import load_scene
 from screwgauge.study.comparison import provenance
 from screwgauge.study.formatting import Row, number, unit_text
@@ -70,7 +70,7 @@ def _banner(paper: Paper) -> Banner:
 
 
 def _files(paper: Paper) -> dict[str, str]:
-    return judged(provenance(load_scene(SCENE), {}))
+    return judged_files(provenance(load_scene(SCENE), {}))
 
 
 PAGE = Report(
@@ -79,7 +79,7 @@ PAGE = Report(
     data={"errata.csv": errata_frame},
     values={
         "title": lambda paper: "The paper, checked",
-        "about": lambda paper: {"paper": SOURCE, **short(_files(paper))},
+        "about": lambda paper: {"paper": SOURCE, **shorten_hashes(_files(paper))},
         "files": _files,
         "errata": _rows,
         "meaning": lambda paper: ", ".join(f"{key} {word}" for key, word in KINDS.items()),

@@ -21,7 +21,7 @@ from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.kinematics import coordinates
-from screwgauge.reference.equations.ops import NUMPY, TRACE, Ops, Sparse, each
+from screwgauge.reference.equations.ops import NUMPY, TRACE, Ops, Sparse, vectorize
 from screwgauge.reference.graph import Layout, coupled_joints, layout, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.precision import in_precision, rounded
@@ -44,7 +44,7 @@ STEPS: dict[Any, int] = {np.float32: 0, np.float64: 1, np.longdouble: 2, "arb": 
 
 
 def objects(sin: Any, cos: Any, sqrt: Any, atan2: Any, maximum: Any) -> Ops:
-    return Ops(each(sin), each(cos), each(sqrt), each(atan2, 2), each(maximum, 2), Sparse)
+    return Ops(vectorize(sin), vectorize(cos), vectorize(sqrt), vectorize(atan2, 2), vectorize(maximum, 2), Sparse)
 
 
 #: NumPy's longest floats one by one: LAPACK has none of them.

@@ -1,7 +1,7 @@
 """Reports: blocks, pages, figures and folders."""
 
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import CROSS, SHAPES, by_camp
+from screwgauge.report.figures.chart import CROSS, SHAPES, looks_by_camp
 from screwgauge.report.figures.drawings import default_figures
 from screwgauge.report.figures.renderer import RENDERER, DrawingError, losses
 from screwgauge.report.folder import MANIFEST, write_files

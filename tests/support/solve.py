@@ -20,7 +20,7 @@ from screwgauge.reference.closed.anchors import Anchors
 from screwgauge.reference.closed.assembly_mode import AssemblyMode, BranchPose, closed_form_positions, positions
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.loops import LoopEquations, home_equations, loop_equations, read
-from screwgauge.reference.closed.newton import Curve, bent, knots, predict_unknowns, straight
+from screwgauge.reference.closed.newton import Curve, bent_paths, knots, predict_unknowns, straight_path
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
 from screwgauge.reference.equations.kinematics import gaps, joint_bias, length, pose

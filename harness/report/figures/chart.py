@@ -40,7 +40,7 @@ def _text(name: str) -> str:
     return (SPECS / f"{name}.json").read_text(encoding="utf-8")
 
 
-def filled(name: str, /, **values: Any) -> Spec:
+def fill_template(name: str, /, **values: Any) -> Spec:
     """Replace every ``"$key"`` in a specification, at any depth; a facet with one panel becomes that panel."""
     spec: Spec = _filled(json.loads(_text(name)), _COMMON | values)
     if spec.get("columns") == 1:
@@ -82,7 +82,7 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
     known = (v[np.isfinite(v)] for _, _, v in series)
     off = UNSEEN * max((float(np.ptp(v)) for v in known if v.size), default=0.0)
     for i, (fields, t, v) in enumerate(series):
-        some = straight(t, v, off) if linear and not moving and fields["kind"] == "line" else slice(None)
+        some = straight_samples(t, v, off) if linear and not moving and fields["kind"] == "line" else slice(None)
         t, v = t[some], v[some]
         numbers = np.column_stack([t, v]).ravel().tolist()
         lines = "\n".join([f"{i},%.7g,%.{digits}g"] * len(t)) % tuple(numbers)  # formatting all at once halves the time
@@ -131,7 +131,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
         notes: Explanations of the picture, and remarks on omissions.
     """
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
-    head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
+    head = {**fill_template("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
     still, live = (plain({**head, **build(moving)}, partial(printable, lines=True)) for moving in (False, True))
     still, draw = still_parts(still), "vegalite_to_svg"
     try:
@@ -191,7 +191,7 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, n - 1], *(at[each, one] for one in extremes), gaps]))
 
 
-def straight(t: Array, v: Array, off: float) -> NDArray[np.intp]:
+def straight_samples(t: Array, v: Array, off: float) -> NDArray[np.intp]:
     """Select samples whose connecting lines miss no omitted sample by more than `off`; gaps remain. Shapes (n,).
 
     Each of four passes tests every second sample; samples dropped in an early pass deviate less.
@@ -234,7 +234,7 @@ class Look:
     shape: str = SHAPES[0]
 
 
-def numbered(i: int) -> Look:
+def numbered_look(i: int) -> Look:
     """Return style number i, for curves without a colour group."""
     return Look(COLOURS[i % len(COLOURS)], DASHES[i % len(DASHES)], SHAPES[i % len(SHAPES)])
 
@@ -244,7 +244,7 @@ def camp(name: str) -> str:
     return next((colour for starts, colour in CAMPS if name.startswith(starts)), GREY)
 
 
-def by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]:
+def looks_by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]:
     """Return styles for engines, families or settings: the colour of the name's prefix with an unused shape and dash.
 
     Args:

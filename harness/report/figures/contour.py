@@ -39,7 +39,7 @@ def contour_picture(name: str, title: str, grid: GridMotion, of: tuple[str, str,
 
     def build(moving: bool) -> Spec:
         (x, y), edges = grid.axes, [_edges(axis) for axis in grid.axes]
-        return chart.filled(
+        return chart.fill_template(
             "contour",
             cells=[_cell(grid, edges, at, v=float(f"{table[*at]:.6g}")) for at in np.argwhere(np.isfinite(table))],
             missing=[_cell(grid, edges, at, reason=_reason(grid, at)) for at in np.argwhere(np.isnan(table))],

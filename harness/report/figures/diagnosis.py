@@ -37,14 +37,14 @@ def make_plots(diagnosis: Diagnosis) -> list[Picture]:
         return pictures
     largest = sorted(diagnosis.found.by_joint, key=lambda row: -row[1])[:MOST]
     points: list[Spec] = [{"joint": name, "x": max(float(change), FLOOR)} for name, change in largest]
-    joints = chart.filled("joints", points=points, **chart.logarithm("x", [p["x"] for p in points]))
+    joints = chart.fill_template("joints", points=points, **chart.logarithm("x", [p["x"] for p in points]))
     shown = shown[: max(FEWEST, sum(abs(cause.share) >= LEAST for cause in shown))]
     numbers = {id(cause): k for k, cause in enumerate(diagnosis.causes, 1)}  # numbered as in the table of causes
     bars = [
         {"cause": f"{numbers[id(cause)]}: {cause.name}", "x": 100.0 * cause.share, "text": share_text(cause)}
         for cause in shown
     ]
-    shares = chart.filled("shares", bars=bars)
+    shares = chart.fill_template("shares", bars=bars)
     return [
         *pictures,
         chart.picture("torques-by-joint", "Effect of the differences on the torques", lambda moving: joints),

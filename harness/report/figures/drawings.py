@@ -52,7 +52,7 @@ class Drawing:
         return f"Not shown: {self.others} of {n} components, which have no unique value. Digits refer to the others."
 
 
-def named(comparison: Comparison) -> dict[str, Drawing]:
+def named_drawings(comparison: Comparison) -> dict[str, Drawing]:
     """Return name of a picture -> its drawing."""
     drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
     return {f"{i:02d}-{file_name(each.title)}": each for i, each in enumerate(drawn, 1)}
@@ -68,7 +68,7 @@ def drawings(
     """
     values = _first_values(solutions)
     selected = [one for figure in figures for one in _contours(figure, values)]
-    for figure in drawable(figures, solutions, selected):
+    for figure in drawable_figures(figures, solutions, selected):
         open_ = not_unique.get(figure.quantity, ())
         names = [(label, select(values[figure.quantity], figure.unit, some)) for label, some in figure.panels]
         n = sum(len(some) for _, some in names)
@@ -95,7 +95,7 @@ def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]
         yield Drawing(figure.title, figure.quantity, unit, (("", (figure.contour,)),), contour=True)
 
 
-def drawable(
+def drawable_figures(
     figures: tuple[Figure, ...], solutions: Mapping[str, Solution], others: Collection[Drawing] = ()
 ) -> tuple[Figure, ...]:
     """Keep figures of curves, and their panels, for which an engine has values; return defaults if none remain."""
@@ -106,7 +106,7 @@ def drawable(
     return tuple(kept) or (() if others else default_figures(solutions))
 
 
-def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
+def unmatched_figures(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
     """Warn about figures of quantities that no engine computes, and about patterns that match no component."""
     values = _first_values(solutions)
     missing = [figure for figure in figures if figure.quantity not in values]

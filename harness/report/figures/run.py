@@ -12,9 +12,9 @@ from screwgauge.judging.residual import Residual
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import CROSS, GREY, PLUS, SHAPES, Curve, Look, Spec, numbered, thin
+from screwgauge.report.figures.chart import CROSS, GREY, PLUS, SHAPES, Curve, Look, Spec, numbered_look, thin
 from screwgauge.report.figures.contour import contour_picture
-from screwgauge.report.figures.drawings import Drawing, named, short_labels
+from screwgauge.report.figures.drawings import Drawing, named_drawings, short_labels
 from screwgauge.solution import common_rows
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import missing, number, unit_text, words
@@ -60,7 +60,7 @@ class _Subject:
 
 def make_plots(comparison: Comparison) -> list[Picture]:
     """Draw all pictures of the report, in order."""
-    plots = [_quantity(name, drawing, comparison) for name, drawing in named(comparison).items()]
+    plots = [_quantity(name, drawing, comparison) for name, drawing in named_drawings(comparison).items()]
     if any(np.isfinite(s.condition).any() for s in comparison.solutions.values()):
         plots.append(_condition(f"{len(plots) + 1:02d}-condition", comparison))
     return plots
@@ -100,10 +100,10 @@ def _draw(name: str, drawing: Drawing, subject: _Subject, pairs: list[Pair], tol
     def build(moving: bool) -> Spec:
         views = ["curves", "lower"] if pairs else ["curves"]
         upper = _curves(subject, labels, shown, f"{words(drawing.quantity)} [{unit}]", moving) | {"views": views}
-        drawn = chart.filled("curves", **upper)
+        drawn = chart.fill_template("curves", **upper)
         if not pairs:
             return drawn
-        lower = chart.filled("differences", **_differences(apart, tolerance, f"difference [{unit}]", moving))
+        lower = chart.fill_template("differences", **_differences(apart, tolerance, f"difference [{unit}]", moving))
         params = [*drawn.pop("params"), *lower.pop("params")]
         resolve = {"scale": dict.fromkeys(("color", "strokeDash", "shape"), "independent")}
         return {"vconcat": [drawn, lower], "spacing": 14, "resolve": resolve, "params": params}
@@ -117,7 +117,9 @@ def _curves(
 ) -> Spec:
     """Draw the first engine as lines, and the other engines as sparse marks in the same colours."""
     grid, series = chart.columns(len(labels)), list[Curve]()
-    looks = {curve: numbered(i) for i, curve in enumerate(dict.fromkeys(x for some in labels for x in some.values()))}
+    looks = {
+        curve: numbered_look(i) for i, curve in enumerate(dict.fromkeys(x for some in labels for x in some.values()))
+    }
     stretches = CURVE[moving] // (1 if moving else grid["columns"])
     for (panel, _), drawn in zip(subject.panels, labels, strict=True):
         for component, curve in drawn.items():
@@ -125,7 +127,7 @@ def _curves(
                 at, values = np.flatnonzero(subject.solved[engine]), subject.values[engine][component]
                 kinds = {"line": thin(values[at], stretches)} if not k else {}
                 if k or moving:
-                    kinds["mark" if k else "asked"] = sparse(len(at), k, len(shown), MARKS[moving])
+                    kinds["mark" if k else "asked"] = sparse_samples(len(at), k, len(shown), MARKS[moving])
                 fields = {"panel": panel, "curve": curve, "engine": engine, "colour": looks[curve].colour}
                 series += [({**fields, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
     engines = {engine: Look(GREY, shape=SIGNS[k % len(SIGNS)]) for k, engine in enumerate(shown)}
@@ -150,7 +152,7 @@ def _differences(apart_by_pair: dict[str, Apart], tolerance: float | None, title
     seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
     floor = max(10.0 ** (np.floor(np.log10(low)) - (1 if zero and len(seen) else 0)), 1e-300)
-    looks, series = {pair: numbered(i + 1) for i, pair in enumerate(apart_by_pair)}, list[Curve]()
+    looks, series = {pair: numbered_look(i + 1) for i, pair in enumerate(apart_by_pair)}, list[Curve]()
     for pair, (t, apart, names) in apart_by_pair.items():
         some = thin(apart, PEAKS[moving], lows=False)
         series.append(({"pair": pair, "kind": "line"}, t[some], np.maximum(apart[some], floor)))
@@ -196,16 +198,18 @@ def _condition(name: str, comparison: Comparison) -> Picture:
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
     low, high = np.nanmin([*lines.values()]), np.nanmax([*lines.values()])
-    looks, axis = {engine: numbered(i) for i, engine in enumerate(lines)}, "log" if high > WIDE * low else "linear"
+    looks, axis = {engine: numbered_look(i) for i, engine in enumerate(lines)}, "log" if high > WIDE * low else "linear"
 
     def build(moving: bool) -> Spec:
         series = list[Curve]()
         for i, (engine, values) in enumerate(lines.items()):
             at, look = thin(values, PEAKS[moving], lows=False), looks[engine]
-            some = at[sparse(len(at), i + 1, len(lines) + 1, MARKS[moving])]  # marks distinguish coinciding lines
+            some = at[
+                sparse_samples(len(at), i + 1, len(lines) + 1, MARKS[moving])
+            ]  # marks distinguish coinciding lines
             fields = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
             series += [({**fields, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
-        return chart.filled(
+        return chart.fill_template(
             "differences", **_lower(series, looks, title, (low, high, 1.1 * high), moving, axis=axis, marked=1.0)
         )
 
@@ -240,7 +244,7 @@ def _largest_difference(subject: _Subject, pair: Pair) -> Apart:
     return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(names, dtype=object)[worst]
 
 
-def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
+def sparse_samples(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
     """Select about `marks` samples, staggered so that marks of different engines do not hide each other."""
     if n <= 2 * marks:
         return np.arange(n)

@@ -66,16 +66,16 @@ class Figure(Picture):
             raise DescriptionError(what, "figure", "use 4 to 72 pt and 30 to 2400 dpi")
         spec, svg = json.loads(self.chart or "{}"), self.svg
         if {"layer", "facet", "vconcat"} & spec.keys():
-            svg = _draw(spec, in_points(width), _with_fallbacks(font), size)
+            svg = _draw(spec, points_of_width(width), _with_fallbacks(font), size)
         return save_file(path, picture_file(svg, path.suffix, width, dpi), force=force)
 
 
 def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
     """Convert an SVG to the content of an SVG, PDF or PNG file with a width such as ``8.5cm``."""
     if ending == ".svg":
-        return sized(svg, in_points(width), "pt")
+        return scale_svg(svg, points_of_width(width), "pt")
     call, more = ("svg_to_pdf", {}) if ending == ".pdf" else ("svg_to_png", {"ppi": dpi})
-    return bytes(RENDERER.ask(call, sized(svg, in_points(width)), **more))
+    return bytes(RENDERER.ask(call, scale_svg(svg, points_of_width(width)), **more))
 
 
 def check_ending(path: Path, known: Iterable[str] = ENDINGS, where: str = "figure") -> None:
@@ -86,7 +86,7 @@ def check_ending(path: Path, known: Iterable[str] = ENDINGS, where: str = "figur
         )
 
 
-def in_points(width: str) -> float:
+def points_of_width(width: str) -> float:
     """Convert a width such as ``8.5cm`` to points.
 
     Raises:
@@ -99,7 +99,7 @@ def in_points(width: str) -> float:
     return points
 
 
-def sized(svg: str, wide: float, unit: str = "") -> str:
+def scale_svg(svg: str, wide: float, unit: str = "") -> str:
     """Scale an SVG to a width; converters to PDF and PNG read a width without unit as points."""
     head, end, tail = svg.partition(">")
     w, h = (float(re.findall(rf'\b{name}="([\d.]+)"', head)[0]) for name in ("width", "height"))

@@ -11,10 +11,10 @@ import numpy as np
 from screwgauge.quantities import FLOAT32
 from screwgauge.report.blocks import Banner, Block, Group, Marked, Picture, Table, Text, table
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
+from screwgauge.report.figures.chart import INK, STAR, Look, Spec, camp, looks_by_camp
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.pages.run import published_row
-from screwgauge.report.record import judged, short
+from screwgauge.report.record import judged_files, shorten_hashes
 from screwgauge.study.bench.contestants import count
 from screwgauge.study.bench.run import Bench
 from screwgauge.study.bench.tables import (
@@ -223,7 +223,7 @@ def _measurements(bench: Bench) -> list[Row]:
 
 def _about(bench: Bench) -> dict[str, Any]:
     compared = {"compared": count(len(bench.scene.t), "sample"), "errors against": bench.reference}
-    return {**short(judged(bench.provenance)), **compared}
+    return {**shorten_hashes(judged_files(bench.provenance)), **compared}
 
 
 def _rows(*status: str) -> Value:
@@ -238,7 +238,10 @@ def make_plots(bench: Bench) -> list[Picture]:
 
 def _of_given_motion(bench: Bench) -> Iterator[Picture]:
     drawable = [r for r in bench.rows if r.contestant.drawn and np.isfinite(r.error) and bool(r.price > 0)]
-    looks, notes = by_camp(row.contestant.line for row in bench.rows), [note.format(bench.reference) for note in NOTES]
+    looks, notes = (
+        looks_by_camp(row.contestant.line for row in bench.rows),
+        [note.format(bench.reference) for note in NOTES],
+    )
     for quantity in QUANTITIES[::-1]:
         points, rows = list[Spec](), [row for row in drawable if row.quantity == quantity]
         for row in rows:
@@ -257,7 +260,7 @@ def _of_simulation(bench: Bench) -> Iterator[Picture]:
     """Draw errors of the observables and of the energy against processor time."""
     sensible = {r.contestant for r in bench.rows if r.quantity == "observable" and r.error < SENSELESS}
     done = [row for row in bench.rows if row.contestant in sensible and row.work_s > 0.0]
-    looks = by_camp(row.contestant.family for row in done)
+    looks = looks_by_camp(row.contestant.family for row in done)
     for measure, title in MEASURES.items():
         errors = [(row, max(row.largest.values(), default=np.nan)) for row in done if row.quantity == measure]
         placed = [(row, _point(row, row.contestant.family, row.work_s, e)) for row, e in errors if np.isfinite(e)]
@@ -305,7 +308,7 @@ def _error_and_time(
     values = {"across": across, "asked": f"{across} [s]", "up": up, "level": level, "upright": upright}
     values |= chart.logarithm("x", [p["x"] for p in [*drawn, *upright]], chart.TIME)
     values |= chart.logarithm("y", [p["y"] for p in [*drawn, *level]])
-    spec = chart.filled("error-time", points=drawn, **values, **chart.ways("family", shown))
+    spec = chart.fill_template("error-time", points=drawn, **values, **chart.ways("family", shown))
     spec["layer"] = [layer for layer in spec["layer"] if layer.get("data", spec["data"])["values"]]
     return chart.picture(name, title, lambda moving: spec, notes)
 
@@ -322,7 +325,7 @@ def _slopes(name: str, fits: Sequence[SlopeFit]) -> Picture:
         slope = f"{WORDS[fit.quantity]}: slope {fit.slope:.3f}, expected {fit.expected:g}"
         head, colour = [fit.line, slope], camp(fit.line)
         scales = chart.logarithm("x", fit.x) | chart.logarithm("y", fit.error)
-        return chart.filled("slope", head=head, name=fit.name, line=line, points=points, colour=colour, **scales)
+        return chart.fill_template("slope", head=head, name=fit.name, line=line, points=points, colour=colour, **scales)
 
     spec = {"concat": [panel(fit) for fit in fits], "columns": 2}
     return chart.picture(name, "Error against the varied parameter, with expected slopes", lambda moving: spec, FITTED)
@@ -342,7 +345,7 @@ PAGE = Report(
         "title": lambda bench: f"{bench.scene.title or bench.scene.name}: error against run time",
         "remarks": _remarks,
         "about": _about,
-        "files": lambda bench: judged(bench.provenance),
+        "files": lambda bench: judged_files(bench.provenance),
         "cheapest": lambda bench: _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1]),
         "no truth": lambda bench: bench.reference != "truth",
         "reached": _nine_digits,

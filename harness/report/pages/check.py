@@ -17,7 +17,7 @@ from screwgauge.reference.outputs import save_file
 from screwgauge.report.blocks import Banner, Picture, Text
 from screwgauge.report.figures.run import pair_picture
 from screwgauge.report.layout import Report
-from screwgauge.report.left_out import more
+from screwgauge.report.left_out import additions
 from screwgauge.report.text import markdown, terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.report.write import Shown
@@ -223,5 +223,5 @@ def check_with(
     execute: Executor, what: Sequence[str | Path], *, smoke: bool = False, meshes: bool = False, **options: Any
 ) -> CheckReport:
     """Check scenes or pairs of models and add a report; for options see `study.gate.check`."""
-    settings = GateSettings(sentence_of, smoke, more=more, meshes=meshes)
+    settings = GateSettings(sentence_of, smoke, more=additions, meshes=meshes)
     return CheckReport.of(check_items_with(execute, what, settings, **options))

@@ -15,14 +15,23 @@ from screwgauge.judging.residual import ERROR_COLUMNS
 from screwgauge.judging.trust import Guarded
 from screwgauge.report import reviewed
 from screwgauge.report.blocks import Banner, Block, Group, Marked, Picture
-from screwgauge.report.figures.drawings import named, unmatched
+from screwgauge.report.figures.drawings import named_drawings, unmatched_figures
 from screwgauge.report.figures.run import make_plots
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.left_out import left_out_rows
-from screwgauge.report.record import about, forces, judged, samples, samples_table, short, summary, timings
+from screwgauge.report.record import (
+    about,
+    forces,
+    judged_files,
+    samples,
+    samples_table,
+    shorten_hashes,
+    summary,
+    timings,
+)
 from screwgauge.report.stage.picture import stage
-from screwgauge.report.verdict import compared, conclusion, has_excuse, verdict
+from screwgauge.report.verdict import compared_pairs, conclusion, has_excuse, verdict
 from screwgauge.scene.observables import Published
 from screwgauge.solution import REFERENCE, Timing
 from screwgauge.study.comparison import Comparison
@@ -47,7 +56,7 @@ __all__ = ["DATA", "pictures", "report", "summary", "terminal", "write"]
 
 def _banners(results: Comparison) -> list[Banner]:
     headline, remarks = conclusion(results)
-    warnings = [*results.warnings, *unmatched(results.scene.figures, results.solutions)]
+    warnings = [*results.warnings, *unmatched_figures(results.scene.figures, results.solutions)]
     known = " ".join([headline.text, *remarks])
     return [headline, *(Banner(sentence, "Warning") for sentence in warnings if sentence not in known)]
 
@@ -68,10 +77,10 @@ def _shown(errors: Iterable[Row]) -> list[Row]:
 
 def _worst_three(results: Comparison) -> list[Row]:
     """Return the worst row of three quantities: those closest to their tolerance, or farthest beyond it."""
-    pairs = [row for row in compared(results) if not has_excuse(row, results.scene.simulated)]
+    pairs = [row for row in compared_pairs(results) if not has_excuse(row, results.scene.simulated)]
     errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in pairs]
-    judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
-    errors += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
+    residuals = (row for row in rows(results.judge) if row["engine"] not in results.failures)
+    errors += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in residuals]
     groups = dict[str, list[Row]]()
     for row in sorted(errors, key=lambda row: (_is_open_tree(row), -beyond(row["max_scaled"], row["tolerance"]))):
         groups.setdefault("tree" if _is_open_tree(row) else row["what"], []).append(row)
@@ -86,7 +95,7 @@ def _is_open_tree(row: Row) -> bool:
 
 def _what(results: Comparison) -> dict[str, Any]:
     """Describe the scene and files briefly for the first screen."""
-    files, versions = short(judged(results.provenance)), dict[str, Any]()
+    files, versions = shorten_hashes(judged_files(results.provenance)), dict[str, Any]()
     for name in (*results.solutions, *results.failures):
         version = (results.solutions[name].version or "given") if name in results.solutions else "✗ failed"
         versions[name] = ", ".join(filter(None, (version, files.pop(f"model of {name}", ""))))
@@ -97,7 +106,7 @@ def _what(results: Comparison) -> dict[str, Any]:
 
 def _overview(results: Comparison) -> list[Row]:
     """Return the digits of agreement of each pair and the digits that the tolerance requires, differences first."""
-    lines, groups = list[Row](), grouped(compared(results), "quantity", "unit").values()
+    lines, groups = list[Row](), grouped(compared_pairs(results), "quantity", "unit").values()
     for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
         needed = span(digits_text(max(tolerances)), digits_text(min(tolerances)))
@@ -107,7 +116,7 @@ def _overview(results: Comparison) -> list[Row]:
 
 def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
     """Show plots of quantities that differ; fold the others under a line that states the digits of agreement."""
-    drawn, pairs, shown, folds = named(results), _pairs(results), list[Block](), list[Block]()
+    drawn, pairs, shown, folds = named_drawings(results), _pairs(results), list[Block](), list[Block]()
     for picture in pictures:
         drawing, errors = drawn.get(picture.name), pairs.get(picture.name, [])
         note = f"agrees to {digits_text(max(row['max_scaled'] for row in errors))} digits" if errors else ""
@@ -124,13 +133,13 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 
 def _pairs(results: Comparison) -> dict[str, list[Row]]:
     """Return the name of each picture -> rows of its pairs, for unique components only."""
-    rows = grouped(compared(results), "quantity", "unit")
-    return {name: rows.get((one.quantity, one.unit), []) for name, one in named(results).items() if one.unique}
+    rows = grouped(compared_pairs(results), "quantity", "unit")
+    return {name: rows.get((one.quantity, one.unit), []) for name, one in named_drawings(results).items() if one.unique}
 
 
 def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
     """Select the leading picture: of a difference, else of actuator forces, else any; then that of the mechanism."""
-    drawn, pairs = named(results), _pairs(results)
+    drawn, pairs = named_drawings(results), _pairs(results)
     shown = [picture for picture in pictures if picture.name in drawn]
     differ = [picture for picture in shown if not all(row["ok"] for row in pairs.get(picture.name, []))]
     forces = [picture for picture in shown if picture.of == "actuator_force"]
@@ -239,7 +248,7 @@ VALUES: dict[str, Value] = {
     "residuals": lambda results: _shown(rows(results.judge)),
     "residuals too large": lambda results: _shown(row for row in rows(results.judge) if not row["ok"]),
     "overview": _overview,
-    "differ": lambda results: not all(row["ok"] for row in compared(results)),
+    "differ": lambda results: not all(row["ok"] for row in compared_pairs(results)),
     "tables": lambda results: [
         {"table": name, **row} for name, review in results.reviews.items() for row in reviewed.rows(review)
     ],
@@ -250,13 +259,13 @@ VALUES: dict[str, Value] = {
     "parameters": _parameters,
     "estimates": estimates,
     "limit": lambda results: LIMIT,
-    "computed": lambda results: about(results.scene, results.times) | judged(results.provenance),
+    "computed": lambda results: about(results.scene, results.times) | judged_files(results.provenance),
     "engines": lambda results: [*_engines(results)],
     "not unique": lambda results: rows(results.errors[results.errors["ok"].isna()]),
     "notes": lambda results: [f"{name}: {note}" for name, s in results.solutions.items() for note in s.notes],
     "published": published,
     "times": _times,
-    "worst pairs": lambda results: _worst(compared(results), "quantity"),
+    "worst pairs": lambda results: _worst(compared_pairs(results), "quantity"),
     "worst residuals": lambda results: _worst(rows(results.judge), "residual"),
     "conditioning": _conditioning,
     "whole verdict": lambda results: [verdict(results), *_banners(results)[1:]],

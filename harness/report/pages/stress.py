@@ -10,9 +10,9 @@ from screwgauge.quantities import digits
 from screwgauge.report import blocks
 from screwgauge.report.blocks import Banner, Block, Group, Items, Marked, Picture, Text
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import Look, Spec, by_camp
+from screwgauge.report.figures.chart import Look, Spec, looks_by_camp
 from screwgauge.report.layout import Report
-from screwgauge.report.record import judged, short
+from screwgauge.report.record import judged_files, shorten_hashes
 from screwgauge.study.bench.question import DEGRADED, GOOD, OK, REFUSED, SILENT, VERDICTS, Finding
 from screwgauge.study.bench.stress import Stress, StressCase
 from screwgauge.study.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
@@ -143,7 +143,7 @@ def make_plots(stress: Stress) -> list[Picture]:
     if not panels:
         return []
     rows = [{"who": row.engine.split()[0], "case": row.case, "k": VERDICTS.index(row.verdict)} for row in stress.rows]
-    worst = chart.filled("worst", rows=rows, engines=list(dict.fromkeys(row["who"] for row in rows)))
+    worst = chart.fill_template("worst", rows=rows, engines=list(dict.fromkeys(row["who"] for row in rows)))
     return [
         chart.picture("01-worst", "Cases by outcome", lambda moving: worst, WORST),
         chart.picture("02-digits", TITLE, lambda moving: spec, NOTES),
@@ -156,8 +156,8 @@ def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
     Args:
         plots: Names of the engines in each plot; a setting may follow after a space.
     """
-    common = by_camp(name for names in plots for name in names if " " not in name)
-    own = [by_camp([n for n in names if n not in common], [n for n in names if n in common]) for names in plots]
+    common = looks_by_camp(name for names in plots for name in names if " " not in name)
+    own = [looks_by_camp([n for n in names if n not in common], [n for n in names if n in common]) for names in plots]
     return [{n: (common | some)[n] for n in names} for names, some in zip(plots, own, strict=True)]
 
 
@@ -178,7 +178,7 @@ def _panel(case: StressCase, rows: Sequence[Finding], looks: dict[str, Look]) ->
         ticks = [zero, *(tick for tick in scales["x_axis"]["values"] if tick > 3.0 * zero)]
         scales["x_axis"] = {"values": ticks, "labelExpr": f"datum.value < {1.5 * zero} ? '0' : {chart.POWER}"}
     values = {"head": case.title, "across": case.axis, "limit": digits(GOOD), "points": points}
-    return chart.filled("ladder", **values, **scales, **chart.ways("engine", looks))
+    return chart.fill_template("ladder", **values, **scales, **chart.ways("engine", looks))
 
 
 PAGE = Report(
@@ -188,8 +188,8 @@ PAGE = Report(
     values={
         "title": lambda stress: "Stiff and extreme: where it breaks, and whether it says so",
         "headline": headline,
-        "about": lambda stress: short(judged(stress.provenance)),
-        "files": lambda stress: judged(stress.provenance),
+        "about": lambda stress: shorten_hashes(judged_files(stress.provenance)),
+        "files": lambda stress: judged_files(stress.provenance),
         "worst": lambda stress: [*_worst(stress)],
         "engines": lambda stress: [*_engines(stress)],
         "silent": lambda stress: [*_silent(stress)],

@@ -125,7 +125,7 @@ def make_plots(sweep: Sweep) -> list[Picture]:
     for effect in order:
         size = abs(float(effect.changes[column]))
         bars.append({"name": effect.name, "low": -size, "high": size, "text": f"+-{number(size, 3)}"})
-    spec = chart.filled("tornado", bars=bars, title=f"change of {sweep.columns[column].name}")
+    spec = chart.fill_template("tornado", bars=bars, title=f"change of {sweep.columns[column].name}")
     return [chart.picture("tornado", "Influence of each number", lambda moving: spec, NOTES)]
 
 
