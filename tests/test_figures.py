@@ -31,7 +31,7 @@ def drawn(curves: dict[str, Any], title: str = "A title", unit: str = "q [m]", *
     def build(moving: bool) -> chart.Spec:
         told = chart.ways("curve", looks) | chart.ways("engine", looks) | chart.columns(1)
         values = {**chart.curves(series, moving), "height": 100, "title": unit, "views": ["curves"], "y_scale": {}}
-        return chart.filled("curves", **told, **values)
+        return chart.fill_template("curves", **told, **values)
 
     return chart.picture("name", title, build, **more)
 
