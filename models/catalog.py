@@ -40,8 +40,8 @@ def mechanism_path(
         UnknownNameError: The name is neither built in nor an existing file, and does not look like a path.
     """
     if floating and not is_model(name):
-        remedy = "give a base of a description its own joint of kind F"
-        raise DescriptionError(f"only the base of a URDF is made to float, not that of {name}", where, remedy)
+        remedy = "in a description, add a joint of kind F to the base"
+        raise DescriptionError(f"only a URDF can be given a floating base, not {name}", where, remedy)
     if str(name) in mechanism_names():
         return FOLDER / str(name) / f"{name}.toml"
     path = named_file(folder, str(name))

@@ -104,7 +104,7 @@ def floats(words: Iterable[Any], n: int, what: str, where: str, *, infinite: boo
     bad = np.isnan(values) if infinite else ~np.isfinite(values)
     if len(values) != n or bad.any():
         due, stated = f"{n} finite numbers" if n > 1 else "a finite number", " ".join(map(str, words))
-        raise ModelFileError(f"{what} is '{stated[:60]}', not {due}", where, "write that")
+        raise ModelFileError(f"{what} must be {due}, got '{stated[:60]}'", where, f"write {due}")
     return values
 
 

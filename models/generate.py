@@ -103,5 +103,5 @@ def _write(texts: Mapping[str, str], out: Path) -> list[Path]:
                 os.replace(Path(folder) / name, out / name)
     except OSError as error:
         what = f"the model files cannot be written ({error.strerror})"
-        raise OutputError(what, str(out), "name a folder that can be written") from None
+        raise OutputError(what, str(out), "choose a writable folder") from None
     return [out / name for name in texts]

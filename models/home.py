@@ -57,7 +57,7 @@ def check_home(mechanism: Mechanism) -> Layout:
         if not (why := why_singular(mechanism)):
             raise
         what = f"the home pose is singular: {why}"
-        raise SingularPoseError(what, error.where, "give another home, with bent legs or cranks") from None
+        raise SingularPoseError(what, error.where, "choose another home pose, with bent legs or cranks") from None
     return lay
 
 
@@ -171,7 +171,7 @@ def _solve_home(mechanism: Mechanism) -> Mechanism:
         solved.append((len(poses[0].beyond), moved))
     if solved:
         return min(solved, key=itemgetter(0))[1]
-    what = f"no pose closes its loops: the smallest gap that is reached is {few_of(open_by)}"
+    what = f"no pose closes its loops: the smallest gap reached is {few_of(open_by)}"
     raise ClosureError(what, mechanism.where, "correct lengths or placements")
 
 
@@ -260,7 +260,9 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
         label for label, c in zip(mechanism.independent, mechanism.independent_columns, strict=True) if way[c]
     ]:
         as_written = mechanism.described(mechanism.home[mechanism.independent_columns])
-        sentence = f"{sentence}, {' and '.join(labels)} too, as no regular pose within limits closes at {as_written}"
+        sentence = (
+            f"{sentence}, {' and '.join(labels)} too, as no regular pose within limits closes the loops at {as_written}"
+        )
     if others:
         apart = [(other, int(np.argmax(np.abs(other - home) / size))) for other in others]
         poses = [*dict.fromkeys(f"'{names[c]}' = {other[c]:.3g} {mechanism.units[c]}" for other, c in apart)]

@@ -250,7 +250,7 @@ def _check_names(links: list[Link], mechanism: Mechanism) -> None:
     for name in names:
         if names.count(name) > 1:
             where = mechanism.where or mechanism.name
-            raise DescriptionError(f"the name '{name}' is needed for the models", where, "rename that body")
+            raise DescriptionError(f"the name '{name}' is reserved for the model files", where, "rename that body")
 
 
 def _check_couplings(mechanism: Mechanism, closures: tuple[Closure, ...]) -> None:
@@ -258,5 +258,5 @@ def _check_couplings(mechanism: Mechanism, closures: tuple[Closure, ...]) -> Non
     taken = {f"{closure.joint}{number}" for closure in closures for number in ("", ".1", ".2")}
     for coupling in mechanism.couplings:
         if coupling.name in taken:
-            what = f"the name '{coupling.name}' is needed for the models"
+            what = f"the name '{coupling.name}' is reserved for the model files"
             raise DescriptionError(what, coupling.where or mechanism.name, "rename that coupling")

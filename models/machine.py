@@ -256,7 +256,7 @@ def graph_at_home(reading: Reading) -> Machine:
     rigid, pins = _sorted_closures(reading, length)
     owner, shift, joined = _owners([GROUND, *reading.bodies], rigid)
     copies = {name for name, body in reading.bodies.items() if body.copy_of}
-    remarks = [f"'{b}' is one body with '{a}', as closures keep them together." for b, a in joined if b not in copies]
+    remarks = [f"'{b}' and '{a}' are one body, as closures join them rigidly." for b, a in joined if b not in copies]
     links = list[Link]()
     for name, body in reading.bodies.items():
         near, far = owner[body.near], owner[name]
@@ -264,7 +264,7 @@ def graph_at_home(reading: Reading) -> Machine:
             elements = tuple(_element(joint, reading.joints[joint]) for joint in body.joints)
             links.append(_merged_link(Link(body.near, name, elements, ""), owner, shift))
             continue
-        remarks += [f"Joint '{joint}' is held by closures, and left out." for joint in body.joints]
+        remarks += [f"Joint '{joint}' is locked by closures and left out." for joint in body.joints]
     links += [_merged_link(pin, owner, shift) for pin in pins if owner[pin.near] != owner[pin.far]]
     bodies = {name: _body(reading, owner, shift, name) for name, root in owner.items() if name == root}
     return Machine(reading, bodies, tuple(links), length, tuple(remarks))

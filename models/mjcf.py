@@ -113,8 +113,8 @@ def stand_in_sentence(names: Sequence[str]) -> Iterator[str]:
     """Yield a message about moments that stand for zero and are set to zero after loading."""
     if names:
         yield (
-            f"MuJoCo refuses a moment of inertia of zero: {LEAST:g} kg m^2 stands for it in "
-            f"{first_few(names, SHOWN)}; the engine mujoco sets it to zero after loading, other programs do not"
+            f"MuJoCo rejects moments of inertia of zero: {LEAST:g} kg m^2 replaces them in "
+            f"{first_few(names, SHOWN)}; the engine mujoco restores zero after loading, other programs do not"
         )
 
 
@@ -126,8 +126,8 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
     beyond = [body.name for body in mechanism.bodies if _is_refused(body)]
     if beyond:
         yield (
-            f"MJCF: MuJoCo refuses A + B < C: the largest moment of {first_few(beyond, SHOWN)} is A + B; the engine "
-            f"mujoco sets it to that of the description ({MOMENTS}... of <custom>) after loading, other programs do not"
+            f"MJCF: MuJoCo rejects A + B < C: the largest moment of {first_few(beyond, SHOWN)} is written as A + B; "
+            f"the engine mujoco restores the described one ({MOMENTS}... of <custom>) after loading, others do not"
         )
     for name, its in moments.items():
         if name in beyond:
@@ -135,8 +135,8 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
         off = float(np.abs(without_stand_ins(np.ones(1), _acceptable(its)[None])[1] - its).max())
         if off > ROUNDING * float(its.max()):
             yield (
-                f"MJCF: a principal moment of {name} is {off:.2g} kg m^2 off the description, as MuJoCo takes none so "
-                "small and none that break A + B >= C"
+                f"MJCF: a principal moment of {name} differs from the description by {off:.2g} kg m^2, as MuJoCo "
+                "rejects moments that are too small or violate A + B >= C"
             )
 
 

@@ -50,4 +50,4 @@ def why_singular(mechanism: Mechanism) -> str:
     joints = straight(mechanism)
     if not joints:
         return ""
-    return f"{first_few(joints, NAMED)} lie so that they can begin a motion which the loops then stop"
+    return f"{first_few(joints, NAMED)} can begin a motion that the loops then stop"

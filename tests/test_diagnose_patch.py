@@ -82,7 +82,7 @@ def test_a_changed_file_is_read_as_the_changed_reading(model, what):
     changed, left = change_file(file.read_text(), reading, [change])
     if file.suffix == ".urdf" and what in NOT_IN_A_URDF:
         assert changed == file.read_text()
-        assert left[0][1] == f"a URDF cannot say {what}"
+        assert left[0][1] == f"URDF cannot express {what}"
         return
     assert not left
     file.write_text(changed)

@@ -137,7 +137,7 @@ def test_a_driven_coordinate_moves_only_where_no_pose_closes_at_it(write):
     assert kept.home == pytest.approx([0.0, 0.0, 0.0, 0.7], abs=CLOSED)
     assert 0.3 < moved.home[3] < 0.7  # s = 0 is beyond its dead points
     assert gap(moved) < CLOSED
-    assert "closes at s = 0" in moved.remarks[0]
+    assert "closes the loops at s = 0" in moved.remarks[0]
     check_home(moved)
 
 
@@ -210,7 +210,7 @@ def test_import_writes_anew_what_it_cannot_keep(four_bar, command, write, inside
     four_bar()
     more = write("more.toml", 'extends = "four-bar.toml"\nname = "more"\n')
     (inside / "there").mkdir()
-    assert "Written anew" in command("import", more, "--out", "there/more.toml").out
+    assert "description is rewritten" in command("import", more, "--out", "there/more.toml").out
     assert same_content(load_mechanism(inside / "there/more.toml"), load_mechanism(more))
 
 

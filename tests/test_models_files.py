@@ -111,7 +111,7 @@ def test_write_models_leaves_six_files_and_no_more(paper: Mechanism, tmp_path: P
 
 def test_a_folder_that_cannot_be_written_is_said(paper: Mechanism, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file, not a folder", encoding="utf-8")
-    with pytest.raises(OutputError, match=r"taken: .* cannot be written .*; name"):
+    with pytest.raises(OutputError, match=r"taken: .* cannot be written .*; choose"):
         write_models(paper, tmp_path / "taken")
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 

@@ -164,10 +164,10 @@ def test_mass_and_inertia_of_meshes_are_those_of_mujoco(compiler, shells):
 def test_meshes_are_read_on_request_only(shells, tmp_path, command, capfd):
     out = str(tmp_path / "shells.toml")
     told = command("import", shells, "-o", out, status=2).err
-    assert "mass of body a comes from meshes, which are not read; give the body an <inertial>" in told
+    assert "mass of body a comes from meshes, which are not read; add an <inertial>" in told
     assert "--meshes of import, run, check and diagnose" in told
     assert main(["import", str(shells), "-o", out, "--meshes"]) == 0
-    assert "Mass and inertia of a, b, c are" in capfd.readouterr().out
+    assert "MuJoCo computes mass and inertia of a, b, c" in capfd.readouterr().out
     mass = import_model(shells, Options(meshes=True)).mechanism.mass
     assert screwgauge.load_scene(out).mechanism.mass == pytest.approx(mass, rel=1e-15, abs=0)
 

@@ -98,7 +98,7 @@ def test_what_depends_on_a_joint_of_another_type_is_told(write):
     held = with_loops(reading, write("robot.yaml", LOOP.format("elbow", "FIXED"))).couplings["grip"]
     assert (held.joint, held.function.lead, held.function.polynomial.tolist()) == ("grip", "", [0.3])
     for name, kind in (("grip", "FIXED"), ("elbow", "UJOINT_XY"), ("grip", "SPHERICAL")):
-        with pytest.raises(ScrewgaugeError, match=rf"'{name}' is coupled.* cannot be made {kind}"):
+        with pytest.raises(ScrewgaugeError, match=rf"'{name}' is coupled.* cannot become {kind}"):
             with_loops(reading, write("robot.yaml", LOOP.format(name, kind)))
 
 

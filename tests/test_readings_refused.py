@@ -85,7 +85,7 @@ def test_libraries_and_formats_that_do_not_meet_are_named(write):
     path = write("model.xml", mjcf(BODY))
     with pytest.raises(UnknownNameError, match="did you mean 'mujoco'"):
         read(path, "mujco")
-    with pytest.raises(ModelFileError, match="yourdfpy reads no MJCF"):
+    with pytest.raises(ModelFileError, match="yourdfpy does not read MJCF"):
         read(path, "yourdfpy")
     with pytest.raises(ModelFileError, match=r"is MJCF.* floating base"):
         read(path, "mujoco", floating=True)
@@ -100,7 +100,7 @@ def test_nothing_is_written_beside_the_user(library, write, tmp_path, monkeypatc
     text = ARM if library != "mujoco" else mjcf(BODY, '<compiler settotalmass="3"/>')
     reading = read(write("model", text), library)
     assert list(folder.iterdir()) == []
-    assert library != "mujoco" or any(said.startswith("what MuJoCo warns of: ") for said in reading.ignored)
+    assert library != "mujoco" or any(said.startswith("warning of MuJoCo: ") for said in reading.ignored)
 
 
 def test_prefixes_need_no_declaration(write):

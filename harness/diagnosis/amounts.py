@@ -24,18 +24,18 @@ JOINTS = {"R": "hinge", "P": "slide", "S": "ball joint", "F": "free joint"}
 JOINTS |= {"hinge": "hinge", "slide": "slide", "ball": "ball joint", "free": "free joint"}
 #: Event -> noun, if the noun differs from the name of the event.
 _NOUNS = {
-    "axis": "place of the axis",
+    "axis": "location of the axis",
     "base": "joints of the base",
     "branch": "subtree",
     "coupling": "coupling",
-    "end": "place of an end",
+    "end": "location of an end",
     "fixed": "freedom",
     "held": "freedom",
     "kind": "kind of joint",
     "link": "joint",
     "sign": "direction of the coordinate",
     "start": "start",
-    "whole": "place and units of the whole",
+    "whole": "placement and units of the whole",
 }
 
 
@@ -174,7 +174,7 @@ def format_change(a: float, b: float) -> str:
         return "none in A" if a == 0.0 else "none in B"
     share = (b - a) / a
     if abs(b + a) <= _SHARE * abs(a):
-        return "of the other sign"
+        return "opposite sign"
     if not 0.01 <= b / a < 11.0:
         return f"x {b / a:.4g}"
     return f"{share * 100:+.2f} %" if abs(share) >= 1e-4 else f"{share * 100:+.3g} %"
@@ -194,7 +194,9 @@ def _tensors(a: Array, b: Array) -> str:
     same = float(np.abs(first - second).max()) < 1e-3 * float(np.abs(a - b).max())
     if same:
         percent = f"{100.0 * float(np.abs(a - b).max()) / scale:.3g} %"
-        return f"has other axes in B, with the same principal moments {vector(first, first)} kg m^2 ({percent} apart)"
+        return (
+            f"has different axes in B, with the same principal moments {vector(first, first)} kg m^2 ({percent} apart)"
+        )
     return (
         f"with principal moments {vector(second, first)} kg m^2 in B, {vector(first, second)} kg m^2 in A "
         f"({_ratio(a, b)})"

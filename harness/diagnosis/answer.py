@@ -178,7 +178,7 @@ class Diagnosis:
         fix = self.found.fix
         if fix is None or not fix.text or self.b.file is None:
             why = "; ".join(self.not_fixed) or "nothing differs"
-            raise OutputError(f"there is nothing to write: {why}", str(out), "leave out --fix")
+            raise OutputError(f"no corrected file can be written: {why}", str(out), "leave out --fix")
         read = (self.a.own or self.a.file, self.a.loops, self.b.loops)
         write_fix(out := Path(out), fix.text, self.b.own or self.b.file, [*filter(None, read)], force=force)
         return out
@@ -205,9 +205,11 @@ def _not_fixed(findings: Findings) -> Iterator[str]:
     """List the differences that the corrected file retains, and why."""
     if findings.fix is not None:
         yield from findings.fix.why_not
-        yield from (f"{findings.b.library} reads no {noun_of(what)} from the file" for what in findings.fix.unheard)
+        yield from (
+            f"{findings.b.library} does not read {noun_of(what)} from the file" for what in findings.fix.unheard
+        )
         speaker = Speaker(findings.pair.a)
-        yield from (f"no value in B's file mends this: {speaker.sentence(fact)}" for fact in findings.open_facts)
+        yield from (f"no value in B's file corrects this: {speaker.sentence(fact)}" for fact in findings.open_facts)
 
 
 def headline(findings: Findings, told: Sequence[ToldCause]) -> str:
@@ -280,22 +282,22 @@ _ONE = {"limits": "limit"}
 #: Slip -> sentence: ``it`` stands for the properties, ``noun`` for the first of them, ``part`` for the body or joint.
 SLIPS: Mapping[str, str] = {
     "unit": "{it} is in {0}",
-    "unit of A": "{it} is as if A were in {0}",
-    "degrees": "angles of {0} are in degrees and are read in rad",
-    "radians": "angles of {0} are in rad and are read in degrees",
-    "sequence": "angles of {0} are in the sequence {1}, where {2} is meant",
+    "unit of A": "{it} agrees if A is in {0}",
+    "degrees": "angles of {0} are in degrees but read as rad",
+    "radians": "angles of {0} are in rad but read as degrees",
+    "sequence": "angles of {0} are read in the sequence {1}, but {2} is meant",
     "w last": "quaternions of {0} have w last",
     "left out": "{it} is left out",
     "decimal point": "{it} has its decimal point {0}",
-    "other sign": "{it} has the other sign",
+    "other sign": "{it} has the opposite sign",
     "mirrored": "{it} is mirrored in {0}",
     "order": "{it} has its entries in the order {0}",
     "turned": "{it} is turned by {0:.4g} degrees",
     "turned by inertial": "{it} is turned by the orientation of its inertial in {0}",
     "turned back by inertial": "{it} is turned back by the orientation of its inertial in {0}",
-    "counted back": "{it} is counted the other way",
+    "counted back": "{it} is counted in the opposite direction",
     "exchanged coefficients": "offset and multiplier are exchanged",
-    "inverse multiplier": "the multiplier is the inverse of that of A",
+    "inverse multiplier": "the multiplier is the inverse of A's",
     "inverse function": "the two joints have exchanged their roles",
     "offset in degrees": "the offset is in degrees",
     "upside down": "gravity is upside down",
@@ -304,26 +306,26 @@ SLIPS: Mapping[str, str] = {
     "not turned": "{it} is not turned by its orientation in {0}",
     "turned twice": "{it} is turned once too often by its orientation in {0}",
     "turned transposed": "{it} is turned by the transpose of its orientation in {0}",
-    "meant transposed": "{it} is turned by its orientation in {0} in place of the transpose",
-    "products of other sign": "products of inertia have the other sign",
-    "product of other sign": "the product of inertia {0} has the other sign",
+    "meant transposed": "{it} is turned by its orientation in {0} instead of by the transpose",
+    "products of other sign": "products of inertia have the opposite sign",
+    "product of other sign": "the product of inertia {0} has the opposite sign",
     "no products": "products of inertia are left out",
-    "urdf order": "the entries of {it} are in the order of URDF in the place of MJCF's",
-    "mjcf order": "the entries of {it} are in the order of MJCF in the place of URDF's",
-    "order of products": "products of inertia are in another order",
-    "order of moments": "moments of inertia are in another order",
-    "moments on other axes": "principal moments are on other axes",
+    "urdf order": "the entries of {it} are in URDF order instead of MJCF order",
+    "mjcf order": "the entries of {it} are in MJCF order instead of URDF order",
+    "order of products": "products of inertia are in a different order",
+    "order of moments": "moments of inertia are in a different order",
+    "moments on other axes": "principal moments are on different axes",
     "transposed": "the rotation is transposed",
     "no rotation": "the rotation is left out",
-    "inertiafromgeom": "{it} comes from the geoms of {0}, as its compiler option inertiafromgeom asks",
-    "default density": "{it} comes from the geoms of {0}, by the default density of 1000 kg/m^3",
+    "inertiafromgeom": "{it} comes from the geoms of {0}, because of its compiler option inertiafromgeom",
+    "default density": "{it} comes from the geoms of {0}, with the default density of 1000 kg/m^3",
     "geoms": "{it} comes from the geoms of {0}",
     "density": "masses come from a density of {0:.6g} kg/m^3 in A and {1:.6g} kg/m^3 in B",
-    "settotalmass": "masses are scaled to {1:.6g} kg in all, as the compiler option settotalmass of {0} asks",
+    "settotalmass": "masses are scaled to a total of {1:.6g} kg by the compiler option settotalmass of {0}",
     "total kept": "masses are scaled to a total of {0:.6g} kg in both, as MuJoCo's settotalmass does",
     "joint order": "from the ground outwards {0} in A, {1} in B{2}",
-    "exchanged": "the {noun} of {0} and that of {1} are exchanged",
-    "before the gear": "the {noun} of {0} is that of the motor, before the gear of {1:.6g}",
+    "exchanged": "the {noun} of {0} and the {noun} of {1} are exchanged",
+    "before the gear": "the {noun} of {0} is the motor's, before the gear of {1:.6g}",
     "gear once": "the {noun} of {0} is reduced by the gear of {1:.6g}, not by its square",
     "missing part": "{part} lacks {0}, which is missing in {1}",
     "merged without rotation": "{0} is merged into {part} in {1} without its rotation",

@@ -33,7 +33,9 @@ class Deadline:
 
     def __post_init__(self) -> None:
         if not self.seconds > 0.0:
-            raise DescriptionError(f"a limit of {self.seconds:g} s", "--limit", "give a positive number of s")
+            raise DescriptionError(
+                f"the limit must be positive, got {self.seconds:g} s", "--limit", "pass a positive number of s"
+            )
         self._end = self.clock() + self.seconds
 
     def over(self, work: str) -> bool:

@@ -63,7 +63,7 @@ def diagnose(
     check_seed(seed)
     deadline = Deadline(limit)
     if not isinstance(map, str | Path | Mapping | None):
-        raise DescriptionError(f"{shown(map)} is no file and no table of names", "map", "give either")
+        raise DescriptionError(f"{shown(map)} is neither a file nor a table of names", "map", "pass either")
     if only and only not in ONLY:
         raise UnknownNameError("part of a comparison", only, ONLY, "only")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map

@@ -39,8 +39,8 @@ _NAMED = r"<(include|model)\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']"
 DUST = 1e-15
 #: Largest gap of a closure that counts as closed at the home pose [m].
 DERIVED = 1e-9
-ONE_FILE = "A and B are one file, which two libraries read differently"
-NO_FILE = "B has no file of a format that is changed here"
+ONE_FILE = "A and B are the same file, which two libraries read differently"
+NO_FILE = "B has no URDF or MJCF file to change"
 
 T = TypeVar("T")
 
@@ -79,7 +79,7 @@ def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False,
     """
     if b.file is None or not b.text:
         form = b.reading.form.upper()
-        return Fix("", why_not=(f"B is {form}, which is not changed here, as URDF and MJCF are" if form else NO_FILE,))
+        return Fix("", why_not=(f"B is {form}; only URDF and MJCF can be changed" if form else NO_FILE,))
     if a.file == b.file:
         return Fix("", why_not=(ONE_FILE,))
     back = _compare_back(a, b, pair, moved=moved)
@@ -209,9 +209,7 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
     if os.path.exists(out) and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
     if out.suffix in FORMATS and out.suffix != b.suffix and (form := prepare(b).form) != FORMATS[out.suffix]:
-        raise OutputError(
-            f"ends with {out.suffix}, and B is a file of {form.upper()}", str(out), "choose another --fix"
-        )
+        raise OutputError(f"ends with {out.suffix}, but B is {form.upper()}", str(out), "choose another --fix")
     save_file(out, text, inputs, force=force)
 
 

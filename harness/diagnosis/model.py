@@ -164,7 +164,7 @@ def load_side(given: str | Path | Weighed, load: Read = read_here, loops: Path |
     own = Path(text)
     if _is_description(text, library):
         if loops is not None:
-            raise ModelFileError("says itself what closes its loops", text, "leave --loops out")
+            raise ModelFileError("defines its own loop closures", text, "omit --loops")
         return _load_description(text)
     file = given.copy if isinstance(given, Weighed) else own
     library = library or libraries_for(file)[0]
@@ -197,12 +197,12 @@ def loops_of_sides(
     if isinstance(loops, str | Path):
         one, two = (Path(loops) if _is_urdf(side) else None for side in sides)
         if one is None and two is None:
-            what = "say themselves what closes their loops"
-            raise ModelFileError(what, f"{sides[0]} and {sides[1]}", "leave --loops out")
+            what = "define their own loop closures"
+            raise ModelFileError(what, f"{sides[0]} and {sides[1]}", "omit --loops")
         return one, two
     given = list(loops) if isinstance(loops, Sequence) else []
     if len(given) != len(sides) or not all(each is None or isinstance(each, str | Path) for each in given):
-        raise DescriptionError(f"{shown(loops)} is no loops file", "loops", "give one file, or one for each side")
+        raise DescriptionError(f"{shown(loops)} is not a loops file", "loops", "pass one file, or one for each side")
     one, two = (None if not each else Path(each) for each in given)
     return one, two
 

@@ -67,7 +67,7 @@ def open_model(text: str, reading: Reading) -> Opened:
     """
     xml = XmlText(text, reading.name)
     if xml.root.tag not in WRITERS:
-        raise UnpatchableError(f"<{xml.root.tag}> begins neither a URDF nor an MJCF")
+        raise UnpatchableError(f"the root element <{xml.root.tag}> is neither <robot> (URDF) nor <mujoco> (MJCF)")
     writer = WRITERS[xml.root.tag]
     links, ends = writer.links(xml), {body.joints[-1]: name for name, body in reading.bodies.items()}
     known = {joint for link in links for joint in link.joints}
@@ -75,12 +75,12 @@ def open_model(text: str, reading: Reading) -> Opened:
     owner = list[str]()
     for link in links:
         if unknown := [joint for joint in link.joints if joint not in reading.joints]:
-            raise UnpatchableError(f"joint '{unknown[0]}' of the file is not in what {reading.library} read")
+            raise UnpatchableError(f"{reading.library} did not read joint '{unknown[0]}' of the file")
         last = [*link.joints][-1:]
         near = owner[link.near] if link.near >= 0 else "".join(floating[:1])
         owner.append(ends.get(last[0], "") if last else near)
     if lost := {*reading.bodies} - {*owner}:
-        raise UnpatchableError(f"body '{min(lost)}' does not stand in the file itself")
+        raise UnpatchableError(f"body '{min(lost)}' is not in the file itself")
     return Opened(xml, writer, links, owner, reading)
 
 
@@ -236,12 +236,12 @@ def _check(file: Opened, change: Change) -> None:
         UnpatchableError: The change is not supported.
     """
     if not getattr(PROPERTIES[change.what], "urdf" if file.urdf else "mjcf"):
-        raise UnpatchableError(f"a {'URDF' if file.urdf else 'MJCF'} cannot say {change.what}")
+        raise UnpatchableError(f"{'URDF' if file.urdf else 'MJCF'} cannot express {change.what}")
     if change.what in INERTIAL:
         file.writer.check_matter(file.xml)
         links = file.of(change.item)
         if len(links) > 1 and all(file.links[i].matter is None for i in links):
-            raise UnpatchableError(f"the mass of '{change.item}' is that of the geoms of several bodies")
+            raise UnpatchableError(f"the mass of '{change.item}' comes from the geoms of several bodies")
 
 
 def _write(file: Opened, target: Reading, plain: bool, gone: Collection[int]) -> None:
@@ -299,7 +299,9 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
     T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
     new = _change_parts(parts, old, body)
     if len(parts) > 1 and not all(part.possible for i, part in new.items() if part is not parts[i]):
-        raise UnpatchableError(f"several links make up '{name}', and no change of one or of all of them does")
+        raise UnpatchableError(
+            f"'{name}' consists of several links, and neither one changed link nor all of them can yield the new values"
+        )
     for i, part in new.items():
         now = relative(body.pose, frames[i])
         if part is not parts[i] or np.abs(now - T[i]).max() > SAME:

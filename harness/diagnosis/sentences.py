@@ -48,7 +48,7 @@ def news(found: Findings) -> Iterator[str]:
     if found.together is not None and not found.together.agrees:
         yield _own_torques(found.together)
         if found.withheld:
-            yield f"The cause may be in what is not compared: {_join(name_sides(found.withheld))}."
+            yield f"The cause may be content that is not compared: {_join(name_sides(found.withheld))}."
     yield from (_witness(each) for each in found.witnesses if not each.agrees)
     yield from _gravity(found)
     yield from _loops(found)
@@ -66,8 +66,8 @@ def _gravity(found: Findings) -> Iterator[str]:
     side = other_gravity(found.a.reading, found.b.reading)
     if side and not found.only:
         stated = known_gravity((found.b if side == "A" else found.a).reading.gravity)
-        usual = f"{-STANDARD[2]:g} m/s^2 downwards for {side}, which states none"
-        yield f"Called as they are, libraries take {usual}, and {format_value(stated)} m/s^2 for {other_side(side)}."
+        usual = f"{-STANDARD[2]:g} m/s^2 downwards for {side}, which specifies no gravity"
+        yield f"Called directly, libraries use {usual}, and {format_value(stated)} m/s^2 for {other_side(side)}."
 
 
 def explanation(found: Findings) -> Iterator[str]:
@@ -80,7 +80,7 @@ def explanation(found: Findings) -> Iterator[str]:
         return
     yield from _effect(found, causes)
     if len(causes[0].groups) + len(causes) > 2 and any(_is_scale(fact) for fact in causes[0].facts):
-        yield "All else is told in the units of A, as if nothing were scaled."
+        yield "All other differences are given in the units of A, with the scaling removed."
     yield from _proof(found)
     if found.a.file is not None and found.a.file == found.b.file:
         yield f"{found.a.file.name} is read differently by {found.a.library} (A) and {found.b.library} (B)."
@@ -101,7 +101,7 @@ def _different_machines(found: Findings) -> Iterator[str]:
 
 def _partial(found: Findings) -> str:
     a, b = (len(each.reading.joints) for each in (found.a, found.b))
-    return f"Only {len(found.how)} of {a} joints of A and {b} of B are partners and are compared ({_pairs(found)})."
+    return f"Only {len(found.how)} of {a} joints of A and {b} of B are matched and compared ({_pairs(found)})."
 
 
 def _pairs(found: Findings) -> str:
@@ -120,24 +120,24 @@ def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
         if len(causes) == 1:
             yield f"It changes {forces} {much}."
         elif len(seen) == 1:
-            yield f"{forces.capitalize()} change {much}, by {name} alone."
+            yield f"{forces.capitalize()} change {much}, only because of {name}."
         else:
-            yield f"Together they change {forces} {much}; {percent(most.share)} of that by {name} alone."
+            yield f"Together they change {forces} {much}; {percent(most.share)} of this is due to {name}."
     yield from _outside(causes)
     plain = [each for each in causes if not all(map(_is_outside, each.facts))]
     unseen = [each for each in plain if each.kind == "unseen" and not _of_loops(each.facts[0])]
     if unseen:
         counts = all(fact.kind == "convention" for each in unseen for fact in each.facts)
-        yield f"{_subject(unseen, causes)} {'coordinates alone, and ' * counts}no {_force(found)}."
+        yield f"{_subject(unseen, causes)} {'only coordinates, and ' * counts}no {_force(found)}."
     counting = [each for each in plain if math.isnan(each.share) and all(f.kind == "convention" for f in each.facts)]
     if counting:
         yield f"{_subject(counting, causes)} no motion."
     without = [each for each in plain if each.kind == "cause" and math.isnan(each.share)]
     if any(len(each.groups) > 1 for each in without):
-        yield "Their effects cancel each other, so that none has a share."
+        yield "Their effects cancel each other, so none has a share."
     elif any(each.facts[0].kind == "model" for each in without):
-        it = "It has" if len(causes) == 1 else "What no value in a file makes has"
-        yield f"{it} no share{': no value in a file makes it' * (len(causes) == 1)}."
+        it = "It has" if len(causes) == 1 else "Causes that no value in a file reproduces have"
+        yield f"{it} no share{': no value in a file reproduces it' * (len(causes) == 1)}."
 
 
 def _force(found: Findings, *, several: bool = False) -> str:
@@ -158,9 +158,9 @@ def _outside(causes: Sequence[Cause]) -> Iterator[str]:
     """Name differences on which torques do not depend."""
     whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
     if whats:
-        yield f"Torques of bodies and joints leave out {join(whats)}."
+        yield f"Torques of bodies and joints omit {join(whats)}."
     if any(each.kind == "unseen" and _of_loops(each.facts[0]) for each in causes):
-        yield "Torques at one and the same motion cannot show how loops differ."
+        yield "Torques for a given motion cannot show how loops differ."
 
 
 def _is_outside(fact: Fact) -> bool:
@@ -177,12 +177,12 @@ def _proof(found: Findings) -> Iterator[str]:
     fix = found.fix
     if fix is None:
         return
-    again = "Put right in a copy of B's file and read again,"
+    again = "After a copy of B's file was corrected and read again,"
     if fix.proved:
         yield f"{again} nothing {'differs' if have_values(found.facts) else 'else differs'}."
     elif fix.left:
         first = Speaker(found.pair.a, brief=True).sentence(fix.left[0])
-        yield f"{again} {count(len(fix.left), 'difference is', 'differences are')} left: {first}."
+        yield f"{again} {count(len(fix.left), 'difference remains', 'differences remain')}: {first}."
     if fix.unheard:
         yield name_ignored(found.b.library, fix.unheard)
 
@@ -192,7 +192,7 @@ def name_ignored(library: str, whats: Iterable[str]) -> str:
     whats = list(dict.fromkeys(whats))
     cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats if what in PROPERTIES)))
     book = f" (casebook: {', '.join(cases)})" if cases else ""
-    return f"{library} does not use what the file says of {join([*map(noun_of, whats)])}{book}."
+    return f"{library} ignores {join([*map(noun_of, whats)])} of the file{book}."
 
 
 def _ignored_properties(found: Findings) -> Iterator[str]:
@@ -230,12 +230,12 @@ def _agreement(found: Findings) -> Iterator[str]:
     if found.agreement is not None:
         agree += f", their {_force(found, several=True)} to {found.agreement.scaled:.1g} of the largest"
     if found.together is not None and any(found.together.calls):
-        agree += f", those of the libraries as loaded to {found.together.row.scaled:.1g}"
+        agree += f", the torques of the libraries as loaded to {found.together.row.scaled:.1g}"
     withheld = [*not_compared(found)]
     if withheld:
         yield f"Not all compared: {_join(withheld)}."
-    rest = "All else is the same: " if withheld or found.facts else ""
-    yield f"{rest}{agree}." if not found.left_out else "Nothing differs in what was compared."
+    rest = "Everything else is the same: " if withheld or found.facts else ""
+    yield f"{rest}{agree}." if not found.left_out else "Nothing that was compared differs."
     if found.aside:
         yield f"Outside the comparison: {_join(name_sides(found.aside))}."
 
@@ -243,10 +243,10 @@ def _agreement(found: Findings) -> Iterator[str]:
 def _own_torques(both: Together) -> str:
     """Report the difference between the libraries' own torques."""
     calls = [f"{call or 'dynamics'} of {side}" for side, call in zip("AB", both.calls, strict=True)]
-    forces = "forces" if both.row.unit == "N" else "torques"
+    unit, forces = both.row.unit, "forces" if both.row.unit == "N" else "torques"
     return (
         f"The libraries' own {forces} as loaded ({' and '.join(calls)}, with passive forces) differ by "
-        f"{both.row.value:.4g} of {both.largest:.4g} {both.row.unit} ({both.row.component})."
+        f"{both.row.value:.4g} {unit} at {both.row.component}; the largest is {both.largest:.4g} {unit}."
     )
 
 
@@ -256,8 +256,8 @@ def _witness(witness: LibraryCheck) -> str:
     name, off = max(witness.scaled.items(), key=lambda entry: entry[1])
     book = f" (casebook: {CASES[name]})" if name in CASES else ""
     return (
-        f"{witness.library} itself computes another {name.replace('_', ' ')} for {witness.side} than follows from what "
-        f"it has read ({off:.2g} of the largest): the engine differs, not the model{book}."
+        f"The {name.replace('_', ' ')} that {witness.library} computes for {witness.side} differs from its own reading "
+        f"of the file by {off:.2g} of the largest: the engine differs, not the model{book}."
     )
 
 
@@ -309,22 +309,22 @@ def _of_side(model: Model, found: Findings) -> Iterator[str]:
     readings = (found.a.reading, found.b.reading)
     yield from (*model.remarks, *(remark.rstrip(".") for remark in model.reading.remarks))
     if model.open_by:
-        yield f"open at home as written, {model.open_by}; compared where its loops are closed"
+        yield f"loops are open at home as written, {model.open_by}; compared at a pose that closes them"
     if model.reading.gravity is None:
         alone = all(each.gravity is None for each in readings)
-        taken = f"{-STANDARD[2]:g} m/s^2 downwards" if alone else "that of the other file"
-        yield f"the file states no gravity; {taken} is taken"
-    yield from (f"{what} is not in the dynamics" for what in unmodelled_forces(model.reading))
+        taken = f"{-STANDARD[2]:g} m/s^2 downwards" if alone else "the gravity of the other file"
+        yield f"the file specifies no gravity; {taken} is used"
+    yield from (f"the dynamics omit {what}" for what in unmodelled_forces(model.reading))
     if model.loops is not None and model.file is not None:
         where = "" if model.loops.parent == model.file.parent else f" in {model.loops.parent}"
-        yield f"{model.loops.name}{where or ' beside it'} says what closes the loops"
+        yield f"{model.loops.name}{where or ' in the same folder'} defines the loop closures"
     if not model.says_closures and any(each.closures for each in readings):
-        yield "a URDF cannot say what closes loops, and no file beside it does (--loops names one)"
+        yield "a URDF cannot define loop closures, and its folder has no loops file (choose one with --loops)"
     states_motors = model.library == "mujoco" and model.reading.gravity is not None
     if not model.reading.actuators and (states_motors or any(each.actuators for each in readings)):
-        yield "the file names no actuators; torques of all joints are compared, driven or not"
+        yield "the file has no actuators; torques of all joints are compared, driven or not"
     if model.floating:
-        yield "the base is read as floating, as the other one is"
+        yield "the base is read as floating, like the base of the other model"
 
 
 def _calls(found: Findings) -> Iterator[str]:
@@ -344,5 +344,5 @@ def _call(more: LibraryCheck, less: LibraryCheck, what: Sequence[str], found: Fi
     book = f" (casebook: {', '.join(cases)})" if cases else ""
     return (
         f"{CALLS[more.library]} of {more.side} contains {join(what)}, {CALLS[less.library]} of {less.side} does "
-        f"not: called as they are, they differ by {most.value:.4g} {most.unit} at {most.component}{book}"
+        f"not: called directly, they differ by {most.value:.4g} {most.unit} at {most.component}{book}"
     )

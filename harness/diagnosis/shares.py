@@ -235,7 +235,7 @@ def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed:
     there = {other: name for name, other in joints.items()}
     first = tuple(name for name in a.joints if name in joints)
     second = tuple(there[other] for other in b.joints if other in there)
-    phrases = f"{models[0].library} indexes the joints of A", f"{models[1].library} those of B"
+    phrases = f"{models[0].library} indexes the joints of A", f"{models[1].library} the joints of B"
     return _order(a, (first, second), [joints[name] for name in second], phrases, seed)
 
 
@@ -252,7 +252,7 @@ def warn_of_order(file: Path, imported: Imported, *, meshes: bool = False) -> tu
     source, reading = prepare(file, meshes=meshes), expected_reading(imported.mechanism, "full", gravity)
     orders = [[imported.names.get(name, name) for name in order(source)] for order in (by_name, in_file)]
     first, second = (tuple(name for name in order if name in reading.joints) for order in orders)
-    phrases = "pinocchio indexes the joints of a URDF of it", "mujoco those of the file"
+    phrases = "pinocchio indexes the joints of a URDF of this model", "mujoco the joints of the file"
     order = _order(reading, (first, second), second, phrases, 0)
     return () if order is None else (order.sentence,)
 
@@ -284,7 +284,7 @@ def _order(
     k = int(np.where(alike, off, -1.0).argmax())
     (one, unit), (other, _) = entries[ours[k]], entries[theirs[k]]
     largest = float(max(np.abs(tau[:, i]).max() for i, (_, of) in enumerate(entries) if of == unit))
-    cost = f"torques differ by {off[k]:.3g} {unit} ({one} beside {other}), the largest being {largest:.3g} {unit}"
+    cost = f"torques differ by {off[k]:.3g} {unit} ({one} against {other}; the largest torque is {largest:.3g} {unit})"
     permutation = tuple(theirs if ours == sorted(ours) else map(ours.index, theirs))
     paste = f", or by q_b = q_a[{[*permutation]}]" if len(permutation) <= PASTED else ""
     start = next(i for i, pair in enumerate(zip(first, second, strict=True)) if pair[0] != pair[1])
@@ -292,6 +292,6 @@ def _order(
         f"{whose} as {first_few(each[start:], _NAMED)}" for whose, each in zip(phrases, (first, names), strict=True)
     ]
     told[0] += f" (from joint {start + 1} on)" * bool(start)
-    sentence = f"Joints have another order: {', '.join(told)}"
-    sentence += f"; compared by index, {cost}: compare them by name{paste}."
+    sentence = f"The joint orders differ: {', '.join(told)}"
+    sentence += f"; compared by index, {cost}: compare by name{paste}."
     return Order(first, second, sentence, float(off[k]), unit, largest, (one, other), permutation)

@@ -40,7 +40,7 @@ _THERE: Axes = ("the world", WORLD[1])
 OWNERS = {"body": "bodies", "joint": "joints", "actuator": "actuators", "coupling": "couplings", "closure": "closures"}
 #: Event of several joints -> predicate, followed by the model.
 _SUBTREES = {
-    "branch": "joints are missing, with all that they carry, from",
+    "branch": "joints and their subtrees are missing from",
     "fixed": "joints do not move in",
     "link": "joints are missing from",
 }
@@ -96,7 +96,7 @@ class Speaker:
             return _values(fact) + (_SAME.get(fact.what, "") if fact.kind == "convention" else "")
         text = re.sub(r"\[.*?\]" if self.brief else r"[\[\]]", "", _SENTENCES[fact.what])
         step = self.step(fact, "tilted" if fact.what == "axis" else "turned") if "{step}" in text else ""
-        at = f", where it stands at {fact.of}" if fact.of else ""
+        at = f", where it is fixed at {fact.of}" if fact.of else ""
         value = fact.a if fact.side == "A" else fact.b
         return text.format(fact=fact, step=step, at=at, value=value, other=other_side(fact.side))
 
@@ -120,7 +120,7 @@ class Speaker:
         """Describe facts about several parts by what they share, or else by an example."""
         first, names = facts[0], "" if self.brief else f": {first_few(parts, _NAMED)}"
         if first.what in kinds():
-            return f"{_content(first, 1)}; and {len(facts) - 1} more of the kind"
+            return f"{_content(first, 1)}; and {len(facts) - 1} more like it"
         if len({without_sides(part) for part in parts}) == 1:  # a left and a right part
             likewise = f"; {first_few(parts[1:], _NAMED)} likewise"
             return self.group([fact for fact in facts if fact.part == first.part]) + likewise
@@ -130,7 +130,7 @@ class Speaker:
         if first.what in _SUBTREES and not {fact.what for fact in facts} - {first.what}:
             return f"{len(parts)} {_SUBTREES[first.what]} {other_side(first.side)}{names}"
         if _in_another_order(facts):
-            return f"{len(parts)} joints follow each other in another order in B"
+            return f"{len(parts)} joints are in a different order in B"
         owners = self._counted(facts, len(parts))
         if {(fact.what, fact.side) for fact in facts} in ({("limits", "A")}, {("limits", "B")}):
             return f"{owners} have no limits in {other_side(first.side)}{names}"
@@ -140,7 +140,7 @@ class Speaker:
         if len(parts) == 2:
             rest = [fact for fact in facts if fact.part != first.part]
             return f"{self.sentence(first)}; {self.name(rest)} differ{'s' * (len(rest) == 1)}, too"
-        example = "" if self.brief else f", such as this: {self.sentence(first)}"
+        example = "" if self.brief else f"; for example: {self.sentence(first)}"
         one = not several and first.what not in _PLURAL
         return f"{self.name(facts)} differ{'s' * one}{example}"
 
@@ -154,14 +154,14 @@ class Speaker:
     def _digits(self, facts: Sequence[Fact]) -> str:
         values = count(len(facts), "value differs", "values differ")
         if all(fact.of == AXES for fact in facts):
-            return f"{values} as MuJoCo compiles it (casebook: {AXES})"
-        most = "" if self.brief else f", at most by {facts[0].size:.1g} ({self.name(facts[:1])})"
+            return f"{values} because of MuJoCo's compiler (casebook: {AXES})"
+        most = "" if self.brief else f", by at most {facts[0].size:.1g} ({self.name(facts[:1])})"
         return f"{values} only in the rounding of printed digits{most}"
 
     def _small(self, cause: Cause) -> str:
         names = "" if self.brief else f": {first_few(map(self.name, cause.groups), _NAMED)}"
         share = f"{100.0 * abs(cause.share):.1g} % of the difference"
-        return f"{len(cause.groups)} small differences make {share}{names}"
+        return f"{len(cause.groups)} small differences contribute {share}{names}"
 
     def axes(self, *names: str) -> list[Axes]:
         """Return the axes of bodies, followed by the world axes."""
@@ -198,7 +198,7 @@ def _common_predicate(facts: Sequence[Fact], *, several: bool) -> str:
     """Describe what many facts share, as a predicate; empty if they share nothing."""
     factor, verb = factor_of(facts[0]), "are" if several else "is"
     if factor is not None and all(factor_of(fact) == factor for fact in facts):
-        return f"in B {verb} {factor:g} times {'those' if several else 'that'} in A ({percent(factor)})"
+        return f"{verb} {factor:g} times as large in B ({percent(factor)})"
     sides = {fact.side for fact in facts}
     if len(sides) == 1 and "" not in sides:
         return f"{verb} in {sides.pop()} only"
@@ -227,7 +227,7 @@ def _content(fact: Fact, most: int) -> str:
     if fact.side:
         return f"{fact.of} is in {fact.side} only"
     if not fact.a:
-        return f"{fact.of} has more entries on one side than on the other"
+        return f"{fact.of} has more entries in one model than in the other"
     told = (f"{key} {_format(fact.b[key])} in B, {_format(fact.a[key])} in A" for key in fact.a)
     more = f"; and {len(fact.a) - most} more values" if len(fact.a) > most else ""
     return f"{fact.of}: {'; '.join([*told][:most])}{more}"
@@ -240,28 +240,26 @@ def _format(value: float | str) -> str:
 def _zero(speaker: Speaker, fact: Fact) -> str:
     if fact.unit == "rad":
         amount = "" if speaker.brief else f" ({fact.b:+.6g} rad)"
-        return _of(fact, f"its zero is turned in B by {math.degrees(fact.b):+.6g} deg about its axis{amount}")
-    return _of(fact, f"its zero is shifted in B by {1e3 * fact.b:+.6g} mm along its axis")
+        return _of(fact, f"its zero is turned in B by {math.degrees(fact.b):+.6g} deg about the axis{amount}")
+    return _of(fact, f"its zero is shifted in B by {1e3 * fact.b:+.6g} mm along the axis")
 
 
 def _end(speaker: Speaker, fact: Fact) -> str:
-    return _of(fact, f"its {f'frame on {fact.of}' if fact.of else 'point'} is elsewhere in B, {speaker.step(fact)}")
+    return _of(fact, f"its {f'frame on {fact.of}' if fact.of else 'point'} is displaced in B, {speaker.step(fact)}")
 
 
 def _kind(speaker: Speaker, fact: Fact) -> str:
-    same = "; the loops leave the same motions" if fact.kind == "convention" else ""
+    same = "; the loops allow the same motions" if fact.kind == "convention" else ""
     return f"{fact.part} is {link_kind(fact.b)} in B, {link_kind(fact.a)} in A{same}"
 
 
 def _base(speaker: Speaker, fact: Fact) -> str:
     base = f"{freedoms(fact.b)} in B, {freedoms(fact.a)} in A"
-    return f"{fact.part}: the base is stated differently and moves alike: {base}"
+    return f"{fact.part}: the base is modelled differently but moves the same way: {base}"
 
 
 def _branch(speaker: Speaker, fact: Fact) -> str:
-    carried = (
-        "all that it carries" if speaker.brief else f"{first_few(fact.more, _NAMED)} that it carries ({fact.of} kg)"
-    )
+    carried = "its subtree" if speaker.brief else f"its subtree {first_few(fact.more, _NAMED)} ({fact.of} kg)"
     return f"{fact.part} is missing from {other_side(fact.side)}, with {carried}"
 
 
@@ -270,7 +268,7 @@ def _link(speaker: Speaker, fact: Fact) -> str:
         weld = "weld " * ("weld" in (fact.a, fact.b))
         return f"{weld}{fact.part} is in {fact.side} only"
     return (
-        f"{fact.part} is missing from {other_side(fact.side)}, with {first_few(fact.more, _NAMED)} ({fact.of} kg) alone"
+        f"{fact.part} is missing from {other_side(fact.side)}, with only {first_few(fact.more, _NAMED)} ({fact.of} kg)"
     )
 
 
@@ -312,28 +310,28 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
     mirror, step = whole.step
     if fact.of:
         turn = step_in_axes(step[0], [_THERE], "deg")
-        return f"{fact.of}: its zero is turned in B, and the whole with it, by {turn}"
+        return f"{fact.of}: its zero, and the whole model with it, is turned in B by {turn}"
     if whole.length == 1.0 and whole.mass == whole.inertia != 1.0 and np.allclose(whole.placement, np.eye(4)):
-        weights = f"{whole.mass:.6g} times those in A ({percent(whole.mass)})"
-        return f"masses and inertias of all bodies in B are {weights}"
+        weights = f"{whole.mass:.6g} times as large in B ({percent(whole.mass)})"
+        return f"masses and inertias of all bodies are {weights}"
     factors = {"lengths": whole.length, "masses": whole.mass, "inertias": whole.inertia}
     units = [f"{name} {factor:.6g} times" for name, factor in factors.items() if factor != 1.0]
     known = all(_is_unit(factor, unit) for factor, unit in zip(factors.values(), ("m", "kg", "kg m^2"), strict=True))
-    told = [f"{'in other units' if known else 'scaled'} ({join(units)} those of A)"] if units else []
+    told = [f"{'in other units' if known else 'scaled'} ({join(units)} A's)"] if units else []
     told += [f"mirrored in {mirror}"] if mirror else []
     if np.abs(step).max() > 1e-9:
         told.append(turn_and_way(step, [_THERE], speaker.a.length, brief=speaker.brief))
-    return f"B as a whole is {join(told)}" if units or mirror else f"B as a whole stands elsewhere, {told[0]}"
+    return f"B as a whole is {join(told)}" if units or mirror else f"B as a whole is displaced: {told[0]}"
 
 
 #: Event or property -> sentence; brief sentences omit the text in brackets.
 _SENTENCES = {
-    "sign": "{fact.part} counts the other way in B[ (its axis is reversed)]",
-    "placement": "{fact.part} sits elsewhere in B[, with all that it carries]: {step}",
-    "axis": "{fact.part}: in B its axis is {step}[; what it carries is not moved]",
-    "start": "{fact.part} starts elsewhere in B, {step}[; it moves freely, so that its motions are the same]",
-    "name": "{fact.part} is called {fact.b} in B, where {fact.part} is another joint",
-    "fixed": "{fact.part} does not move in {other}{at}[: there the body that it moves is part of the one before it]",
+    "sign": "{fact.part} counts in the opposite direction in B[ (its axis is reversed)]",
+    "placement": "{fact.part} is displaced in B[, with its subtree]: {step}",
+    "axis": "{fact.part}: in B its axis is {step}[; its child is not moved]",
+    "start": "{fact.part} starts at another pose in B, {step}[; a free body has the same motions]",
+    "name": "{fact.part} is called {fact.b} in B, where {fact.part} is a different joint",
+    "fixed": "{fact.part} does not move in {other}{at}[: there its child and parent are one body]",
     "held": "{fact.part} is held at {value:.6g} {fact.unit} in {fact.side} only",
     "coupling": "{fact.part} follows {value} in {fact.side} only",
     "actuator": "actuator {fact.part} of {fact.of} is in {fact.side} only",
@@ -341,7 +339,7 @@ _SENTENCES = {
 }
 #: Property -> text appended for a convention.
 _SAME = {
-    "gear": "; the same motor, as its joint counts the other way",
+    "gear": "; the motor is the same, as its joint counts in the opposite direction",
     "limits": "; the same numbers, counted from another zero",
 }
 _TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {

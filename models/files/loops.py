@@ -165,7 +165,8 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
     lists = [_entry(table, f"{side}_points", list, where) for side in _SIDES]
     points = [np.array([vector(point, where) for point in given]) for given in lists]
     if [len(given) for given in lists] != [count, count]:
-        raise ModelFileError(f"a closure of type {kind} has another number of points", where, "mend the lists")
+        what = f"a closure of type {kind} must have {count} points on each side"
+        raise ModelFileError(what, where, "correct the lists")
     near, far = joint.parent_frame, joint.child_frame
     if parent != joint.parent:
         near, far = far, near

@@ -242,7 +242,7 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
                 xml.set(parts[name], coef=number_text(-factor * slope))
             xml.set(equality, polycoef=vector_text([factor * function.constant, 0.0, 0.0, 0.0, 0.0]))
             return
-    raise UnpatchableError(f"no equality of joint '{coupling.joint}' stands in the file itself")
+    raise UnpatchableError(f"the file itself has no equality of joint '{coupling.joint}'")
 
 
 def _tendon(xml: XmlText, equality: Element) -> dict[str, Element]:
@@ -284,7 +284,9 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
         q = quaternion(first[:3, :3] @ second[:3, :3].T)
         xml.set(entry, anchor=vector_text(second[:3, 3]), relpose=vector_text([*first[:3, 3], *q]))
     elif _differ(*ends[name], entry.tag):
-        raise UnpatchableError(f"the points of '{name}' are apart, and one anchor says both: join sites instead")
+        raise UnpatchableError(
+            f"the two points of '{name}' differ, but the file has one anchor for both: connect sites instead"
+        )
     else:
         xml.set(entry, anchor=vector_text(first[:3, 3]))
 
@@ -300,12 +302,12 @@ def _put_site(
     """Move a site to a world pose, provided that only closures that require this pose use the site."""
     site = next((element for element in xml.root.iter("site") if element.get("name") == name), None)
     if site is None or site.parent is None or site.parent.tag == "frame" or "fromto" in site.attributes:
-        raise UnpatchableError(f"site '{name}' does not stand in a body of the file itself, or not by its pos")
+        raise UnpatchableError(f"site '{name}' is not placed by its pos in a body of the file itself")
     ties = _entries(xml, "equality")
     wanted = [(tie.tag, ends[key][i]) for key, tie in ties.items() for i in (0, 1) if tie.get(_SITES[i]) == name]
     others = [element for element in xml.root.iter() if element not in ties.values() and name in _values(element)]
     if others or any(_differ(T, other, tag) for tag, other in wanted):
-        raise UnpatchableError(f"site '{name}' is used elsewhere, too: give the closure one of its own")
+        raise UnpatchableError(f"site '{name}' is also used elsewhere: add a separate site for the closure")
     at = relative(frames.get(site.parent, np.eye(4)), T)
     xml.set(site, pos=vector_text(at[:3, 3]))
     orient(xml, site, at[:3, :3])
@@ -322,7 +324,7 @@ def _entries(xml: XmlText, section: str) -> dict[str, Element]:
 def _entry(xml: XmlText, section: str, name: str) -> Element:
     if entry := _entries(xml, section).get(name):
         return entry
-    raise UnpatchableError(f"no {section} of the name '{name}' stands in the file itself")
+    raise UnpatchableError(f"the file itself has no {section} named '{name}'")
 
 
 def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:

@@ -107,16 +107,16 @@ def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...]
     """
     part = Part(path, root, included=_include(root, path, folder))
     above = (*above, path.resolve())
-    check_count(len(above), "nested models", str(path), "attach fewer to each other")
+    check_count(len(above), "nested models", str(path), "reduce the nesting")
     for model in root.iterfind("asset/model"):
         file = inside(path, model.get("file", ""), folder, "attaches")
         if file in above:
-            raise ModelFileError(f"attaches itself by '{model.get('file')}'", str(path), "take that model out")
+            raise ModelFileError(f"attaches itself by '{model.get('file')}'", str(path), "remove that model")
         if file not in collected:
             child = parse(file)
             if child.tag != "mujoco":
                 what = f"attaches '{model.get('file')}', which is not an MJCF"
-                raise ModelFileError(what, str(path), "give the MJCF of that model")
+                raise ModelFileError(what, str(path), "attach an MJCF")
             _collect(child, file, folder, above, collected)
         part.models[model.get("name", "")] = file
     collected[path] = part
@@ -237,5 +237,7 @@ def inside(path: Path, name: str, folder: Path, verb: str) -> Path:
         file = Path()
     if not any(map(file.is_relative_to, (folder, *_ALLOWED.get()))):
         what = f"{verb} '{name}', which lies outside its folder"
-        raise ModelFileError(what, str(path), "copy that file beside it, or allow it (--allow PATH of import and run)")
+        raise ModelFileError(
+            what, str(path), "copy that file into the folder, or allow it (--allow PATH of import and run)"
+        )
     return file

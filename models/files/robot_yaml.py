@@ -93,8 +93,8 @@ def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
     """Return the body and frame of a link, or of the link that a joint carries."""
     link = reading.carried(name)
     if link not in ("", name) and reading.has_link(name):
-        what = f"'{name}' is a link, and a joint of that name carries link '{link}'"
-        raise ModelFileError(what, f"{path}, closed_loop", "give one of them another name in the URDF")
+        what = f"'{name}' is a link and also a joint that carries link '{link}'"
+        raise ModelFileError(what, f"{path}, closed_loop", "rename one of them in the URDF")
     return place_in(reading, name, path)
 
 
@@ -150,7 +150,7 @@ class _Composer:
             kinds.append(type(event).__name__)
             if kinds[-1] == "DocumentStartEvent":
                 if kinds.count("DocumentStartEvent") > 1:
-                    raise self.refusal(event, "a second document", "write one file for each")
+                    raise self.refusal(event, "a second document", "split the file")
                 value = self.value(next(self.events), 0)
         return value
 
@@ -158,14 +158,14 @@ class _Composer:
         """Compose the value that begins with an event."""
         self.nodes += 1
         check_count(self.nodes, "nodes of YAML", self.where)
-        check_count(depth, "nested entries", self.where, "write them flat")
+        check_count(depth, "nested entries", self.where, "flatten them")
         kind, anchor = type(event).__name__, getattr(event, "anchor", None)
         if kind == "AliasEvent":
             if anchor not in self.anchors:
-                raise self.refusal(event, f"the alias *{anchor} of nothing before it", "write the value")
+                raise self.refusal(event, f"the alias *{anchor} without an anchor before it", "write the value")
             return self.anchors[anchor]
         if event.tag is not None and event.tag != "!":
-            raise self.refusal(event, f"the tag {event.tag}", "write the value without it")
+            raise self.refusal(event, f"the tag {event.tag}", "remove the tag")
         value: Any
         if kind == "ScalarEvent":
             value = self.scalar(event)
@@ -196,11 +196,11 @@ class _Composer:
         for key in self.inside("MappingEndEvent"):
             name = self.value(key, depth + 1)
             if name == "<<":
-                raise self.refusal(key, "the merge <<", "write the entries themselves")
+                raise self.refusal(key, "the merge <<", "write out the entries")
             if not isinstance(name, str):
-                raise self.refusal(key, f"{shown(name)} in place of a name", "write a text before the colon")
+                raise self.refusal(key, f"{shown(name)} as a key", "use a text as the key")
             if name in entries:
-                raise self.refusal(key, f"{shown(name)} twice", "remove one")
+                raise self.refusal(key, f"the key {shown(name)} twice", "remove one")
             entries[name] = self.value(next(self.events), depth + 1)
         return entries
 
@@ -214,7 +214,7 @@ class _Composer:
     def refusal(self, event: yaml.Event, what: str, remedy: str) -> ModelFileError:
         """Build the error for an unsupported event."""
         line = event.start_mark.line + 1
-        return ModelFileError(f"holds {what}, which is not read", f"{self.where}, line {line}", remedy)
+        return ModelFileError(f"contains {what}, which is not supported", f"{self.where}, line {line}", remedy)
 
 
 def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:

@@ -46,14 +46,14 @@ def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[
         ModelFileError: The version is unknown, or an included model lies outside `folder` or is not a model.
     """
     content, said, version = list[Content](), list[str](), root.get("version")
-    check_count(depth, "nested models", str(path), "include fewer in each other")
+    check_count(depth, "nested models", str(path), "reduce the nesting")
     if version not in _VERSIONS:
         raise ModelFileError(f"is SDF {version or 'without a version'}", str(path), "save it as SDF 1.5 to 1.12")
     for model in root.iter("model") if version in _OLD else ():
         links = {link.get("name") for link in model.iterfind("link")}
         for joint in (each for each in model.iterfind("joint") if each.get("name") in links):
             name = f"{joint.get('name')}_joint"
-            said.append(f"A joint and a link are both called '{joint.get('name')}': the joint is '{name}' here.")
+            said.append(f"A joint and a link are both called '{joint.get('name')}': the joint is renamed to '{name}'.")
             joint.set("name", name)
     for parent in [element for element in root.iter() if element.find("include") is not None]:
         for i, include in [(i, each) for i, each in enumerate(parent) if each.tag == "include"]:
@@ -62,7 +62,7 @@ def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[
             other = parse(file)
             more = expand(other, file, folder, depth + 1)
             parent[i] = _merge_include(include, other, file)
-            content += [*more[0], Content("put in place", f"include {uri}, put in its place before it is read")]
+            content += [*more[0], Content("put in place", f"include {uri}, expanded before reading")]
             said += more[1]
     return content, said
 
@@ -71,7 +71,9 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
     name = uri.removeprefix("model://").removeprefix("file://")
     path = folder / path.name if uri.startswith("model://") else path  # models are sibling folders
     if "://" in name:
-        raise ModelFileError(f"includes '{uri}', which is not on this machine", str(path), "copy that model beside it")
+        raise ModelFileError(
+            f"includes '{uri}', which is not on this machine", str(path), "copy that model into its folder"
+        )
     file = inside(path, name, folder, "includes")
     if is_file(file):
         return file
@@ -84,7 +86,7 @@ def _merge_include(include: ET.Element, root: ET.Element, file: Path) -> ET.Elem
     """Return the only model of a file, with the name, pose and further elements of its include."""
     models = root.findall("model")
     if len(models) != 1:
-        raise ModelFileError(f"holds {len(models)} models, and is included as one", str(file), "let it hold one")
+        raise ModelFileError(f"holds {len(models)} models, but is included as one", str(file), "keep one model")
     (model,) = models
     given = [each for each in include if each.tag not in _OF_INCLUDES]
     replaced = {each.tag for each in given} & {"pose", "static"}
@@ -152,8 +154,8 @@ class Frames:
                 carrier = name if e.tag == "link" else named(attached)
             base = named(base_of(e) or attached)
             if own in self.by_name or not e.get("name"):
-                what = f"has two parts of the name '{name}'" if e.get("name") else f"a {e.tag} has no name"
-                raise ModelFileError(what, self.where, "give each a name of its own")
+                what = f"has two elements named '{name}'" if e.get("name") else f"a {e.tag} has no name"
+                raise ModelFileError(what, self.where, "use unique names")
             self.by_name[own] = Frame(e, scope, model, carrier, base, tip or own, still)
 
     def place(self) -> None:
@@ -175,7 +177,9 @@ class Frames:
                     self.poses[far] = self.poses[near] @ T
                     waiting.append(far)
         if lost := next((name for name in self.by_name if name not in self.poses), ""):
-            raise ModelFileError(f"places the frame '{lost}' by itself", self.where, "place it by another frame")
+            raise ModelFileError(
+                f"places the frame '{lost}' relative to itself", self.where, "place it relative to another frame"
+            )
 
     def key(self, name: str) -> str:
         """Return the key of a frame in `by_name`; the name of a model stands for the frame of that model."""

@@ -147,7 +147,7 @@ def check_tree(root: ET.Element, where: str) -> None:
                 raise UnknownNameError("link", end.get("link"), links, f"{where}, joint {joint.get('name')}")
         child = carried_link(joint)
         if child in hung:
-            remedy = "cut the loop and close it in a loops file beside the URDF"
+            remedy = "cut the loop and close it in a loops file next to the URDF"
             raise ModelFileError(f"link {child} is the child of two joints", where, remedy)
         hung.add(child)
         leads = joint.find("mimic")
@@ -155,9 +155,9 @@ def check_tree(root: ET.Element, where: str) -> None:
             raise UnknownNameError("joint", leads.get("joint"), joints, f"{where}, mimic of {joint.get('name')}")
     free = [name for name in links if name not in hung]
     if len(free) != 1:
-        several = f"{len(free)} links are the child of no joint ({', '.join(free[:3])})"
+        several = f"{len(free)} links are not the child of a joint ({', '.join(free[:3])})"
         what = several if free else "every link is the child of a joint"
-        raise ModelFileError(what, where, "let exactly one be the root")
+        raise ModelFileError(what, where, "make exactly one link the root")
 
 
 def carried_link(joint: ET.Element) -> str:
@@ -212,8 +212,8 @@ def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
         link, (name, _, mounted) = carried_link(element), carried_link(element).partition("@")
         frame, sign = (joint.parent_frame, -1.0) if name == joint.parent else (joint.child_frame, 1.0)
         if not mounted and frame.p.any():
-            what = f"its fixed joint '{joint.name}' is not where the description has it on link {link}"
-            raise ModelFileError(what, where, "write the models again, and start from these")
+            what = f"its fixed joint '{joint.name}' is placed differently on link {link} than in the description"
+            raise ModelFileError(what, where, "write the models again, and use the new files")
         element.set("type", "revolute")
         ET.SubElement(element, "axis", xyz=vector_text(sign * (frame.R[:, 2] if not mounted else np.eye(3)[2])))
         _add_numbers(element, "limit", lower=-WIDE, upper=WIDE, effort=STRONG, velocity=STRONG)
@@ -266,7 +266,9 @@ def links(xml: XmlText) -> list[TextLink]:
     for joint in (element for element in xml.root.children if element.tag == "joint"):
         ends = [end.get("link") if (end := joint.find(tag)) else "" for tag in ("parent", "child")]
         if not {*ends} <= {*elements}:
-            raise DescriptionError(f"joint '{joint.get('name')}' joins no links", "the URDF", "name two of its links")
+            raise DescriptionError(
+                f"joint '{joint.get('name')}' does not connect two links", "the URDF", "name two links of the file"
+            )
         towards.setdefault(ends[0], []).append(joint)
         children.add(ends[1])
     found = [TextLink(name, elements[name]) for name in elements if name not in children][:1]
@@ -363,7 +365,7 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
     """Set the coefficients of a joint that mimics a second joint."""
     function = coupling.function
     if joint.find("mimic") is None or len(function.terms) > 1 or not function.linear:
-        raise UnpatchableError(f"joint '{coupling.joint}' mimics no other, or not one alone linearly")
+        raise UnpatchableError(f"joint '{coupling.joint}' does not mimic exactly one joint linearly")
     multiplier = function.slopes.get(function.lead, 0.0)
     xml.set_in(joint, "mimic", offset=number_text(function.constant), multiplier=number_text(multiplier))
 

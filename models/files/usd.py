@@ -41,7 +41,7 @@ def stage_of(path: Path) -> Any:
         from pxr import Sdf, Tf, Usd, UsdUtils
     except ImportError as error:
         remedy = remedy_of_import(error, "'screwgauge[usd]'")
-        raise ModelFileError("is USD, which usd-core reads", str(path), remedy) from None
+        raise ModelFileError("is USD, which requires usd-core", str(path), remedy) from None
     quiet = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         waiting, seen = [path], set[Path]()
@@ -56,7 +56,7 @@ def stage_of(path: Path) -> Any:
             for name in filter(None, names):
                 other = inside(file, name, path.parent.resolve(), "references")
                 if not is_file(other):
-                    raise ModelFileError(f"references '{name}', which does not exist", str(file), "put it there")
+                    raise ModelFileError(f"references '{name}', which does not exist", str(file), "add that file")
                 waiting.append(other)
         return Usd.Stage.Open(str(path))
     except (Tf.ErrorException, AttributeError) as error:  # AttributeError: an unreadable layer is None
@@ -147,7 +147,7 @@ def triangles_of(prim: Any, n: int) -> Array:
     corners, counts = (np.array(value(prim, f"faceVertex{what}", ()), dtype=int) for what in ("Indices", "Counts"))
     if counts.sum() != len(corners) or counts.min(initial=0) < 0 or not ((corners >= 0) & (corners < n)).all():
         where = prim.GetStage().GetRootLayer().realPath
-        raise ModelFileError(f"mesh {prim.GetPath()} has faces with missing corners", where, "mend its faces")
+        raise ModelFileError(f"mesh {prim.GetPath()} has faces with missing corners", where, "correct its faces")
     starts = (np.cumsum(counts) - counts).tolist()
     pairs = zip(starts, counts.tolist(), strict=True)
     fans = [(at, at + k, at + k + 1) for at, count in pairs for k in range(1, count - 1)]

@@ -30,7 +30,7 @@ def parse(path: Path) -> ET.Element:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
-        check_count(depth, "nested elements", str(path), "take fewer links")
+        check_count(depth, "nested elements", str(path), "reduce the nesting")
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:
@@ -39,7 +39,7 @@ def parse(path: Path) -> ET.Element:
         builder.end(tag)
 
     def entity(name: str, *_: object) -> None:
-        raise ModelFileError(f"declares the entity '{name}'", str(path), "write out what it stands for")
+        raise ModelFileError(f"declares the entity '{name}'", str(path), "write out its text")
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler = builder.data
@@ -70,7 +70,7 @@ def check_numbers(root: ET.Element, where: str) -> None:
             bad = any(map(_NAN.fullmatch, words))
             if bad or (any(map(_INFINITE.fullmatch, words)) and not _UNLIMITED.fullmatch(attribute)):
                 what = f"{_label(element, attribute)} is not a finite number ({value})"
-                raise ModelFileError(what, where, "write one")
+                raise ModelFileError(what, where, "write a finite number")
 
 
 def number(element: ET.Element, attribute: str, default: float, where: str) -> float:
@@ -96,7 +96,7 @@ def numbers(text: str, default: str = "0 0 0") -> Array:
     try:
         return np.array([float(word) for word in (text or default).split()])
     except ValueError:
-        raise DescriptionError(f"'{text}' are not numbers", "the model file", "write numbers") from None
+        raise DescriptionError(f"'{text}' is not a list of numbers", "the model file", "write numbers") from None
 
 
 _ATTRIBUTE = re.compile(r"\s+([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
@@ -181,7 +181,7 @@ class XmlText:
             element.end = element.stop if self._alone(element) else text.index(">", at) + 1
 
         def refuse(*_: object) -> None:
-            raise DescriptionError("declares a document type", where, "take the declaration out")
+            raise DescriptionError("declares a document type", where, "remove the declaration")
 
         parser.StartElementHandler, parser.EndElementHandler = begin, finish
         parser.StartDoctypeDeclHandler = refuse

@@ -51,22 +51,22 @@ def _sentences(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, .
     sentences, opened = [], loops.gaps(loops.home, CLOSED)
     if moved:
         most = max(moved, key=lambda name: abs(moved[name]))
-        near = " nearest to that of the file" if chosen.start == OWN else ""
-        aim = f"closed loops{near}" if opened else "room to the limits"
-        what = f"{len(moved)} coordinates are moved, '{most}' most, by {moved[most]:.3g}"
+        near = " near the file's own" if chosen.start == OWN else ""
+        aim = f"closed loops{near}" if opened else "a margin to the limits"
+        what = f"{len(moved)} coordinates are moved, '{most}' the most, by {moved[most]:.3g}"
         sentences.append(f"Home is a pose with {aim}: {what}.")
     sentences += why
     if opened:
-        sentences.append(f"At the file's own home loops are open: {few_of(opened)}.")
+        sentences.append(f"At the file's own home, loops are open: {few_of(opened)}.")
     if chosen.error > CLOSED:
         rounding = few_of(loops.gaps(chosen.q, CLOSED))
         sentences.append(
-            f"By the rounding of the file loops close nearly only; frames are moved to close them: {rounding}."
+            f"Rounding in the file leaves loops slightly open; frames are moved to close them: {rounding}."
         )
     if tight := [f"'{name}'" for name, (low, high) in limits(loops) if not low < high]:
-        sentences.append(f"Limits of {few_of(tight)} leave no room, and are left out.")
+        sentences.append(f"Limits of {few_of(tight)} leave no range and are left out.")
     if chosen.beyond:
-        sentences.append(f"Loops or couplings keep {few_of(chosen.beyond)} beyond limits, which are left out.")
+        sentences.append(f"Loops or couplings keep {few_of(chosen.beyond)} outside limits, which are left out.")
     return tuple(sentences)
 
 
@@ -81,12 +81,12 @@ HIDDEN = 1e-4
 
 
 #: Remedy to suggest for such values.
-FULL = "write angles and axes in full, pi/2 as 1.5707963267948966"
+FULL = "write angles and axes with all digits, pi/2 as 1.5707963267948966"
 
 
 def rounding_sentence(hidden: Array) -> str:
     """State how many loop equations are independent only because of rounding."""
-    return f"but for roundings of about {hidden.max():.0e} they would leave {len(hidden)} more"
+    return f"without rounding errors of about {hidden.max():.0e} they would leave {len(hidden)} more"
 
 
 def motions(mechanism: Mechanism) -> tuple[Array, Array]:
@@ -138,7 +138,7 @@ def choose(
         rank = linear.rank(K[[names.index(name) for name in chosen.values()]])
         if not rank == len(chosen) == K.shape[1]:
             what = f"{len(chosen)} coordinates of rank {rank} for {K.shape[1]} degrees of freedom"
-            raise DescriptionError(what, f"{where}, --independent", f"name {K.shape[1]} that determine the motion")
+            raise DescriptionError(what, f"{where}, --independent", f"choose {K.shape[1]} that determine the motion")
     driven = {*chosen.values()} if actuated is None else {*actuated}
     joints = tuple(
         replace(joint, actuated=len(joint.coordinates) == 1 and joint.name in driven) for joint in mechanism.joints

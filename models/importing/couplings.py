@@ -33,7 +33,7 @@ def solve_couplings(couplings: Couplings, leading: Collection[str]) -> tuple[Cou
     other = [one.joint for name, one in new.items() if one.joint != couplings[name].joint]
     sentences = [f"Couplings are solved for {few_names(other)}: driven and independent joints lead."] if other else []
     if gone := [name for name in couplings if name not in new]:
-        sentences.append(f"Couplings that follow from others are left out: {few_names(gone)}.")
+        sentences.append(f"Redundant couplings are left out: {few_names(gone)}.")
     return new, sentences
 
 

@@ -40,7 +40,7 @@ def import_description(path: Path) -> tuple[Imported, str]:
     remarks = tuple(f"{remark[0].upper()}{remark[1:]}." for remark in mechanism.remarks)
     text = with_homes(path, homes)
     if text is None:
-        remarks = (*remarks, f"Written anew: the text of {path.name} could not be kept.")
+        remarks = (*remarks, f"The description is rewritten: the text of {path.name} could not be kept.")
         text = description(mechanism, remarks)
     else:
         text = "\n".join([*(f"# {line}" for remark in remarks for line in wrap(remark, 116)), text])

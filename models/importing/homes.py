@@ -94,8 +94,8 @@ def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], wher
             break
     if not homes:
         open_by = few_of(loops.gaps(nearest[0], ROUNDING))
-        what = f"loops do not close from any of {tried} starts: nearest are {open_by}"
-        raise ClosureError(what, where, "check the frames that they join, or name fewer loops")
+        what = f"loops do not close from any of {tried} starts; the smallest gaps are {open_by}"
+        raise ClosureError(what, where, "check the frames of the closures, or remove closures")
     best = min(homes, key=Home.key)
     return best, tuple(_reasons(best, homes))
 
@@ -107,14 +107,14 @@ def _reasons(best: Home, homes: Sequence[Home]) -> Iterator[str]:
     what = "nearest well-conditioned" if best.least > WELL else "best-conditioned"
     inside = "" if best.beyond else " within the limits"
     reason = (
-        f"Of {len(homes)} closed poses it is the {what} one{inside}, found from {best.start}: the smallest singular"
+        f"Of {len(homes)} closed poses, home is the {what} one{inside}, found from {best.start}: the smallest singular"
     )
     reason = f"{reason} value of its loop equations is {best.least:.2g}."
     if (own := homes[0]).start != OWN:
-        yield f"{reason} From {OWN} loops do not close."
+        yield f"{reason} From {OWN} the loops do not close."
         return
-    kept = f", with {few_of(own.beyond)} beyond limits" if own.beyond else ""
-    yield f"{reason} From {OWN} they close where it is {own.least:.2g}{kept}."
+    kept = f", with {few_of(own.beyond)} outside limits" if own.beyond else ""
+    yield f"{reason} From {OWN} the loops close at a pose with a value of {own.least:.2g}{kept}."
 
 
 def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:

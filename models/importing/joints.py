@@ -65,7 +65,7 @@ def prune(machine: Machine, followed: Collection[str]) -> Machine:
         for name, link in idle.items():
             links.remove(link)
             del bodies[name]
-            remarks.append(f"'{name}' has no mass and carries nothing; left out with {few_names(link.joints)}.")
+            remarks.append(f"'{name}' has no mass and carries nothing; it is left out with {few_names(link.joints)}.")
 
 
 def followed_joints(reading: Reading) -> set[str]:
@@ -103,7 +103,7 @@ def groups(
                 break
             if kind != "F":
                 names = few_names(each.joint for each in part)
-                remarks.append(f"{names} are {COMPOSITE[kind]}, but {made}: they are divided into simpler ones.")
+                remarks.append(f"{names} form {COMPOSITE[kind]}, but {made}: they are divided into simpler joints.")
         out.append(group or _single_joint(link.elements[i], link, machine))
         i += count
     return out, remarks
@@ -153,7 +153,7 @@ def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group 
         return "their axes are not at right angles"
     off = max(float(np.linalg.norm(np.cross(axis.direction, point - axis.centre))) for axis in axes)
     if not off < MEET * length:
-        return f"their axes pass the common point at {off:.2g} m"
+        return f"their axes miss the common point by {off:.2g} m"
     steep = kind == "S" and not abs(np.sin(axes[1].home)) < STEEP
     return _from_home(freedoms, point) if steep else Group(kind, freedoms, point)
 
@@ -164,7 +164,7 @@ def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machi
     E = np.array([axis.direction for axis in axes[:3]])
     serial = [axis.kind == "hinge" for axis in axes] == list(KINDS["F"]) and kind_of(part[3:], machine.length)[0] == "S"
     if not serial or not _orthogonal(E) or np.linalg.det(E) < 0.0:
-        return "they are not three slides at right angles and a ball"
+        return "they are not three slides at right angles and a ball joint"
     turns = _composite("S", part[3:], machine)
     return turns if isinstance(turns, str) else Group("F", freedoms, turns.point)
 
@@ -287,10 +287,8 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
         for what in ("armature", "friction", "stiffness", "damping")
     } | {
         "compensated gravity of": [name for name, body in reading.bodies.items() if body.gravcomp],
-        "inertia of what has no mass:": [
-            n for n, body in reading.bodies.items() if body.inertia.any() and not body.mass
-        ],
-        "gear (not 1) of actuator": [name for name, (_, gear) in reading.actuators.items() if gear != 1.0],
+        "inertia of massless bodies": [n for n, body in reading.bodies.items() if body.inertia.any() and not body.mass],
+        "gear other than 1 of actuator": [name for name, (_, gear) in reading.actuators.items() if gear != 1.0],
     }
     phrases = [f"{what} {few_names(names)}" for what, names in names_by.items() if names]
     density, viscosity = reading.medium

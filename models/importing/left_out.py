@@ -53,7 +53,7 @@ def check_whole(reading: Reading, source: Source) -> None:
     other = [] if reading.library == "mujoco" or source.form != "mjcf" else _equalities(source)
     if other:
         what = f"equality {first_few(other, NAMED)}, which {reading.library} does not read, would be left out"
-        raise ModelFileError(what, where, "let mujoco read it (--reader mujoco)")
+        raise ModelFileError(what, where, "read it with mujoco (--reader mujoco)")
 
 
 def _equalities(source: Source) -> list[str]:
@@ -121,7 +121,7 @@ def _of_joint(name: str, joint: JointReading, model: Any | None, where: str) -> 
         return
     if stiffness:
         what = f"joint {name} is a {joint.kind} joint with a spring, which cannot be measured"
-        raise ModelFileError(what, where, "make it three hinges, or take its stiffness out")
+        raise ModelFileError(what, where, "replace it with three hinges, or remove its stiffness")
     if any(laws.values()):
         yield TurnResistance(of, name, **laws)
 
@@ -168,8 +168,10 @@ def _path(model: Any, tendon: int, reading: Reading, where: str) -> tuple[tuple[
     """Return the bodies of the reading through which a tendon runs, and its points on these bodies."""
     sites = sites_along(model, tendon)
     if sites is None:
-        what = f"tendon {model.tendon(tendon).name} pulls, and runs over geoms or pulleys, which is not measured"
-        raise ModelFileError(what, where, "let it run over sites, or take its stiffness, damping and the like out")
+        what = f"tendon {model.tendon(tendon).name} exerts forces over geoms or pulleys, which cannot be measured"
+        raise ModelFileError(
+            what, where, "route it over sites, or remove its stiffness, damping, friction and armature"
+        )
     path = list[tuple[str, Array]]()
     for site in sites:
         body = model.body(model.site_bodyid[site]).name if model.site_bodyid[site] else ""
@@ -190,8 +192,8 @@ def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
             continue
         name, joints = model.actuator(i).name, coupled_joints(model, i)
         if not joints:
-            what = f"actuator {name} has armature or damping, and drives no hinge, slide or fixed tendon"
-            raise ModelFileError(what, where, "take its armature and damping out")
+            what = f"actuator {name} has armature or damping, but drives no hinge, slide or fixed tendon"
+            raise ModelFileError(what, where, "remove its armature and damping")
         square = float(model.actuator_gear[i, 0]) ** 2
         along = _coordinates(model, joints)
         scaled = tuple(square * c for c in damping)
@@ -231,8 +233,8 @@ def _borne_by_actuators(model: Any, body: int, where: str) -> bool:
         borne |= {bool(model.jnt_actgravcomp[first + k]) for k in range(model.body_jntnum[body])}
         body = model.body_parentid[body]
     if len(borne) > 1:
-        what = f"actuators bear the weight of body {name} along some of its joints only, which cannot be measured"
-        raise ModelFileError(what, where, "give actuatorgravcomp to all of them, or to none")
+        what = f"actuators compensate the weight of body {name} along only some of its joints, which cannot be measured"
+        raise ModelFileError(what, where, "set actuatorgravcomp on all of them, or on none")
     return borne == {True}
 
 
@@ -323,7 +325,7 @@ def _along_coordinates(
     along = {name: share for name, share in along.items() if name in there}
     if missing := [name for name in along if name not in mechanism.coordinates]:
         what = f"{one.of} acts along '{missing[0]}', which is not a coordinate of the description"
-        raise ModelFileError(what, where, "take its armature, damping, friction and springs out")
+        raise ModelFileError(what, where, "remove its armature, damping, friction and springs")
     if along:
         noun, _, name = one.of.partition(" ")
         yield replace(one, of=f"joint {joints.get(name, name)}" if noun == "joint" else one.of, along=along)
@@ -348,7 +350,7 @@ def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple
     part = next((name for name, each in graph.bodies.items() if body in each.members), None)
     if part is None:
         raise ModelFileError(
-            f"runs over body {body}, which has no mass", where, "give that body mass, or move its site"
+            f"runs over body {body}, which has no mass", where, "add mass to that body, or move its site"
         )
     if part == body:
         return part, point

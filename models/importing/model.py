@@ -141,7 +141,9 @@ def describe(
     graph = graph_of(reading)
     if not any(link.articulated for link in graph.links):
         said = " ".join(graph.remarks)
-        raise DescriptionError(f"has no degree of freedom ({said})", where, "give mass to what moves, or free a joint")
+        raise DescriptionError(
+            f"has no degree of freedom ({said})", where, "add mass to a moving body, or free a joint"
+        )
     actuated = _driven_joints(graph, options.actuated, where)
     moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
     leading = {*(actuated or ()), *(options.independent or {}).values()}
@@ -155,10 +157,10 @@ def describe(
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
     remarks = [*moves, *graph.remarks, *followers, *composites, *odd_choices, *gears, *odd]
     if not reading.actuators and options.actuated is None:
-        open_chain = "every hinge and slide of the open chain that follows no other"
-        rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain
-        driven = few_names(joint.name for joint in mechanism.actuators) or "of which there is none"
-        remarks.append(f"The file names no actuators: driven is {rule}, {driven}; --actuated chooses others.")
+        open_chain = "every uncoupled hinge and slide of the open chain"
+        rule = "every independent hinge and slide" if reading.closures else open_chain
+        driven = few_names(joint.name for joint in mechanism.actuators) or "none"
+        remarks.append(f"The file has no actuators: {rule} is driven ({driven}); choose others with --actuated.")
     return Imported(
         mechanism, springs_of(reading, mechanism), reading.gravity, names, tuple(remarks), left_out(reading, mechanism)
     )
@@ -188,7 +190,7 @@ def _mechanism(
         couplings=couplings,
     )
     if not mechanism.mass:
-        raise DescriptionError("no body that moves has mass", where, "give mass to at least one")
+        raise DescriptionError("no moving body has mass", where, "add mass to at least one")
     return mechanism, remarks
 
 
@@ -294,7 +296,7 @@ def _imported_model(path: Path, options: Options) -> Imported:
     keyframes = _keyframes(source) if own is None else {HOME: own.home}
     reading = read_source(source, library, home=keyframes.pop(HOME, None))
     if lost := dropped_parts(source, reading):
-        raise ModelFileError("; ".join(each.sentence for each in lost), str(path), "let another library read it")
+        raise ModelFileError("; ".join(each.sentence for each in lost), str(path), "read it with another library")
     check_whole(reading, source)
     reading = reading if loops is None else with_loops(reading, loops)
     beyond = left_out_of(source, reading)

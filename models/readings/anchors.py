@@ -85,7 +85,7 @@ def _sentence(model: Any, i: int, distance: float) -> str:
     first, second = (model.body(k).name or "world" for k in (model.eq_obj1id[i], model.eq_obj2id[i]))
     point = ", ".join(f"{x + 0.0:.4g}" for x in np.round(model.eq_data[i, 3:6], 9))
     return (
-        f"Check {model.equality(i).name}: MuJoCo has put its second point at ({point}) m of {second}, where the point "
-        f"of {first} is in the pose of the file; it lies off every geom and site of {second}, by {distance:.3g} m. If "
-        f"that pose leaves the loop open, close it by site1 and site2 (casebook: {CASE})."
+        f"Check {model.equality(i).name}: MuJoCo places its second point at ({point}) m in {second}, which coincides "
+        f"with the point of {first} in the pose of the file, but is {distance:.3g} m away from every geom and site of "
+        f"{second}. If that pose leaves the loop open, close it with site1 and site2 (casebook: {CASE})."
     )

@@ -58,7 +58,7 @@ def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
         ordered = {name: links[name] for _, name in sorted(group)}
         named = next((name for name, link in ordered.items() if link.mass), next(iter(ordered)))
         if named == GROUND:
-            raise ModelFileError(f"a body that moves is called '{GROUND}'", where, "give it another name")
+            raise ModelFileError(f"a moving body is called '{GROUND}'", where, "rename it")
         near = places[links[first].near][0] if links[first].near else GROUND
         bodies[named] = replace(
             _merge(named, ordered), near=near, joints=links[first].joints, first="" if named == first else first
@@ -127,7 +127,7 @@ def _lost_properties(joint: JointReading, name: str, kind: str) -> Iterator[str]
         low, high = joint.limits
         limited = ["limits"] if low < high and not math.isinf(high - low) else []
         for what in (*limited, *(what for what in _OWN if getattr(joint, what))):
-            yield f"{what} of joint {name}, which is made {kind}"
+            yield f"{what} of joint {name}, which becomes {kind}"
 
 
 def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
@@ -135,8 +135,8 @@ def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
     for coupling in reading.couplings.values():
         for name in coupling.named:
             if name in types and (name == coupling.joint or types[name] != FIXED):
-                what = f"joint '{name}' is coupled to another one, and cannot be made {types[name]}"
-                raise ModelFileError(what, f"{where}, joint_type", "take out its <mimic> or its joint_type")
+                what = f"joint '{name}' is coupled to another joint and cannot become {types[name]}"
+                raise ModelFileError(what, f"{where}, joint_type", "remove its <mimic> or its joint_type")
 
 
 def _rotational_joints(reading: Reading, name: str, kind: str, where: str) -> dict[str, JointReading]:
@@ -146,13 +146,15 @@ def _rotational_joints(reading: Reading, name: str, kind: str, where: str) -> di
         return {name: JointReading("ball", np.zeros(6), centre)}
     carried = reading.place(name)
     if carried is None:
-        raise ModelFileError(f"joint '{name}' is one of several that carry a link", where, "leave out its joint_type")
+        raise ModelFileError(
+            f"joint '{name}' carries a link together with other joints", where, "remove its joint_type"
+        )
     body, T = carried
     R = (reading.bodies[body].pose @ T)[:3, :3]
     hinges = {f"{name}_{axis}": R[:, "XYZ".index(axis)] for axis in UNIVERSAL[kind]}
     if taken := {*hinges} & {*reading.joints}:
-        what = f"joint '{name}' is made of hinges, and '{min(taken)}' is a joint already"
-        raise ModelFileError(what, f"{where}, joint_type", "give that joint another name")
+        what = f"joint '{name}' becomes several hinges, but a joint '{min(taken)}' already exists"
+        raise ModelFileError(what, f"{where}, joint_type", "rename that joint")
     return {hinge: JointReading("hinge", screw(True, axis, centre), centre) for hinge, axis in hinges.items()}
 
 
@@ -176,7 +178,7 @@ def _weld(reading: Reading, names: list[str], where: str) -> Reading:
         reading = _replace_joint(reading, name, {})
     assembly = assemble(dict(_links(reading)), where)
     if not reading.joints:
-        raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave at least one")
+        raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave at least one free")
     return replace(reading, bodies=assembly.bodies, fixed={**reading.fixed, **assembly.fixed}, couplings=couplings)
 
 

@@ -37,10 +37,10 @@ def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: s
     import pinocchio
 
     if not isinstance(model, pinocchio.Model):
-        raise DescriptionError(f"{shown(model)} is not a pinocchio.Model", where, "give one")
+        raise DescriptionError(f"{shown(model)} is not a pinocchio.Model", where, "pass a pinocchio.Model")
     home = start(model) if q is None else np.asarray(q, dtype=float)
     if home.shape != (model.nq,) or not np.isfinite(home).all():
-        raise DescriptionError(f"q is not {model.nq} finite numbers", where, "give a configuration of the model")
+        raise DescriptionError(f"q must be {model.nq} finite numbers", where, "pass a configuration of the model")
     parts = [*elementary(model)]
     placed, J = placements(model, home)
     at = {part.name: float(home[part.q]) for part in parts if not part.kind and part.n_q == 1}
@@ -75,7 +75,7 @@ def _closure(one: Any, assembly: Assembly, names: dict[int, str], where: str) ->
     """Convert a constraint between frames of two joints; joint 0 is the ground."""
     kind = _CLOSURES.get(type(one).__name__) or _CLOSURES.get(getattr(getattr(one, "type", None), "name", ""))
     if kind is None:
-        remedy = "give points or frames that coincide (CONTACT_3D, CONTACT_6D, PointAnchor, FrameAnchor)"
+        remedy = "use points or frames that coincide (CONTACT_3D, CONTACT_6D, PointAnchor, FrameAnchor)"
         raise ModelFileError(f"constraint {shown(one)} is not a supported closure of a loop", where, remedy)
     ends = []
     for joint, placement in ((one.joint1_id, one.joint1_placement), (one.joint2_id, one.joint2_placement)):

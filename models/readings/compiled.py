@@ -20,11 +20,11 @@ from screwgauge.reference.rotations import Array
 
 #: Text in MuJoCo's error about a file that a different library may accept -> remedy.
 _REMEDIES = {
-    "larger than mjMINVAL": "give that link mass and moments of inertia above 1e-15 kg and kg m^2, such as 1e-6 of its "
-    "neighbour's, or let Pinocchio read it",
-    "positive eigenvalues": "give that link a tensor with three positive principal moments, or let Pinocchio read it",
-    "A + B >= C": "give that link the tensor of a body that can be, or let Pinocchio read it",
-    "top level": "let Pinocchio read it: MuJoCo lets only bodies of the world float",
+    "larger than mjMINVAL": "set mass and moments of inertia of that link above 1e-15 kg and kg m^2, such as 1e-6 of "
+    "its neighbour's, or read it with Pinocchio",
+    "positive eigenvalues": "use a tensor with positive principal moments for that link, or read it with Pinocchio",
+    "A + B >= C": "use the tensor of a possible body for that link, or read it with Pinocchio",
+    "top level": "read it with Pinocchio: in MuJoCo only bodies of the world can float",
 }
 
 
@@ -87,7 +87,7 @@ def collect_phrases() -> Iterator[list[str]]:
     with collect_warnings() as messages, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield phrases
-    phrases += [f"what MuJoCo warns of: {text}" for text in (*messages, *(warning.message for warning in caught))]
+    phrases += [f"warning of MuJoCo: {text}" for text in (*messages, *(warning.message for warning in caught))]
 
 
 #: Flags that change torques, motion under motors or the stiffness of constraints, but are not part of a reading.
@@ -251,7 +251,9 @@ def _actuators(model: Any) -> Iterator[Content]:
             alone = (("joints", model.joint(target).name, 1.0),) if drives == "joint" else ()
             along = alone or _tendon_joints(model, target)
             values = _numbers(model, ("actuator_trntype", *several.arrays, *law.arrays), i)
-            yield Content(several.name, f"actuator {name}, which drives no hinge or slide alone", "", along, values)
+            yield Content(
+                several.name, f"actuator {name}, which does not drive a single hinge or slide", "", along, values
+            )
         else:
             yield Content("actuators of other transmissions", f"actuator {name}, which drives no joint")
 
@@ -296,7 +298,7 @@ def _uneven_compensation(model: Any, assembly: Assembly) -> Iterator[Content]:
             shares_of_weight.setdefault(body, set()).add(float(model.body_gravcomp[i]))
     for name, values in shares_of_weight.items():
         if len(values) > 1 and name != GROUND:
-            phrase = f"where the gravcomp of body {name} acts: it is not the same in all parts"
+            phrase = f"gravcomp of body {name}, which differs between its parts"
             yield Content("parts compensated otherwise", phrase)
 
 

@@ -109,7 +109,7 @@ def in_series(joints: Mapping[str, GraphJoint], rounding: float) -> tuple[dict[s
         found[[*same, name][0]] = replace(found[same[0]] if same else joint, freedoms=freedoms)
     several = [names for names in pairs.values() if len(names) > 1]
     return found, [
-        f"Joints {', '.join(names)} join the same bodies: they are read as one after the other." for names in several
+        f"Joints {', '.join(names)} connect the same bodies: they are read as a series." for names in several
     ]
 
 
@@ -138,11 +138,11 @@ def read_graph(
     """
     check_count(len(links), "links", where)
     if not links:
-        raise ModelFileError("has no link or rigid body", where, "give the file that describes the machine")
+        raise ModelFileError("has no link or rigid body", where, "choose the file that describes the machine")
     shift, tree, moving = {WORLD: np.eye(4)}, dict[str, BodyReading](), dict[str, JointReading]()
     loops, names = dict(joints), Counter(name for joint in joints.values() for name in joint.freedoms)
     if twice := [name for name, count in names.items() if count > 1]:
-        raise ModelFileError(f"two coordinates are called '{twice[0]}'", where, "give joints other names")
+        raise ModelFileError(f"two coordinates are called '{twice[0]}'", where, "rename one of the joints")
     for name, by, back in _walk(links, joints):
         if not by:
             free = {_free_name(f"{name}_free", names): JointReading("free", np.zeros(6), links[name].pose[:3, 3])}

@@ -24,7 +24,7 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
     """
     if form_of(path) != "urdf":
         if given is not None:
-            raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
+            raise ModelFileError("defines its own loop closures", str(path), "omit --loops")
         return None
     return given or loops_beside(path)
 

@@ -51,10 +51,10 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
     for shape in weighing_shapes(root):
         what = f"mass of body {shape.body.get('name', '(unnamed)')}"
         if shape.moves or shape.body.tag in moving:
-            remedy = "give the body an <inertial>, or have meshes read (--meshes of import, run, check and diagnose)"
+            remedy = "add an <inertial> to the body, or read meshes (--meshes of import, run, check and diagnose)"
             raise ModelFileError(f"{what} comes from meshes, which are not read", where, remedy)
         if shape.body.tag == "body":
-            content.append(Content("put in place", f"{what}, which is fixed and has it from meshes"))
+            content.append(Content("put in place", f"{what}, which is fixed and has mass from meshes"))
     classes = classes_of(root)
     for shape in [shape for shape in shapes(root) if shape.from_file(classes)]:
         shape.parent.remove(shape.geom)
@@ -217,8 +217,8 @@ def _inertial(model: Any, name: str, path: Path) -> ET.Element:
     try:
         i = model.body(name).id
     except KeyError:
-        what = f"mass of body {name}, of which copies are made, comes from meshes"
-        raise ModelFileError(what, str(path), "give the body an <inertial>") from None
+        what = f"mass of body {name}, which is replicated, comes from meshes"
+        raise ModelFileError(what, str(path), "add an <inertial> to the body") from None
     values = {"pos": model.body_ipos, "quat": model.body_iquat, "diaginertia": model.body_inertia}
     texts = {key: vector_text(array[i]) for key, array in values.items()}
     return ET.Element("inertial", {"mass": repr(float(model.body_mass[i])), **texts})

@@ -94,7 +94,7 @@ def load_mujoco(source: Source) -> Any:
         lines = [str(n) for n, line in numbered if "<plugin" in line or "<extension" in line]
         if "plugin" not in error.what or not lines:
             raise
-        remedy = f"take the plugins out, if they exert nothing on bodies: line {', '.join(lines)}"
+        remedy = f"remove the plugins if they exert no forces on bodies: line {', '.join(lines)}"
         raise ModelFileError(error.what, error.where, remedy) from None
 
 
@@ -181,7 +181,7 @@ def _equalities(
             derived = kind == _CONNECT and model.eq_objtype[i] == _BODY
             closures[name] = ClosureReading(joint, *sides[0], *sides[1], _softness(model, i), derived)
         else:
-            what = f"equality {name}, which is not of bodies, nor a sum of polynomials of joints"
+            what = f"equality {name}, which neither joins bodies nor is a sum of polynomials of joints"
             unread.append(Content("other equalities", what))
     return closures, couplings
 

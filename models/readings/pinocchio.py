@@ -122,7 +122,7 @@ def load_pinocchio(source: Source) -> Any:
         raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "correct the file") from None
     if errors:  # Pinocchio would continue without mass and inertia
         raise ModelFileError(
-            f"Pinocchio drops what it cannot read ({'; '.join(errors)})", str(source.path), "correct the file"
+            f"Pinocchio drops parts that it cannot read ({'; '.join(errors)})", str(source.path), "correct the file"
         )
     return model
 
@@ -247,14 +247,14 @@ def _planar_axes(source: Source) -> Iterator[str]:
         axis = joint.find("axis")
         xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
         if joint.get("type") == "planar" and [float(word) for word in xyz.split()][:2] != [0.0, 0.0]:
-            yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
+            yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio uses 0 0 1"
 
 
 def _ignored_quaternions(source: Source) -> Iterator[str]:
     """Yield a message if the parser ignores quaternions: it reads them as of version 1.1; the default is 1.0."""
     origins = [*source.root.iterfind("joint/origin"), *source.root.iterfind("link/inertial/origin")]
     if source.root.get("version", "1.0") == "1.0" and any("quat_xyzw" in origin.attrib for origin in origins):
-        yield "origin quat_xyzw, as the file is not of version 1.1"
+        yield "origin quat_xyzw, as the file does not declare version 1.1"
 
 
 def joint_reading(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:

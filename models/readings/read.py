@@ -272,7 +272,7 @@ def read_source(source: Source, library: str, *, home: Mapping[str, float] | Non
     """Read a prepared model file in this process."""
     (forms, reader), path = LIBRARIES[library], source.path
     if source.form not in forms:
-        raise ModelFileError(f"{library} reads no {source.form.upper()}", str(path), "choose another library")
+        raise ModelFileError(f"{library} does not read {source.form.upper()}", str(path), "choose another library")
     try:
         reading = reader(source, home or {})
     except ImportError as error:
@@ -291,7 +291,7 @@ def _check(reading: Reading, where: str, form: str) -> None:
         ModelFileError: The reading has one of these defects.
     """
     if not reading.joints:
-        remedy = f"give it a joint{', or let its base move freely (--floating of import)' * (form == 'urdf')}"
+        remedy = f"add a joint{', or a floating base (--floating of import)' * (form == 'urdf')}"
         raise ModelFileError(f"has no degree of freedom, as {reading.library} reads it", where, remedy)
     for name, body in reading.bodies.items():
         values: dict[str, float | Array] = {
@@ -304,9 +304,9 @@ def _check(reading: Reading, where: str, form: str) -> None:
             if not np.isfinite(value).all():
                 raise ModelFileError(f"{what} of body {name} is not finite", where, "write finite numbers")
         if body.mass < 0.0:
-            raise ModelFileError(f"mass of body {name} is {body.mass:g} kg", where, "give it one that is not negative")
+            raise ModelFileError(f"mass of body {name} is {body.mass:g} kg", where, "use a mass that is not negative")
     for name, joint in reading.joints.items():
         if not (np.isfinite(joint.screw).all() and np.isfinite(joint.centre).all()):
             raise ModelFileError(f"axis of joint {name} is not finite", where, "write finite numbers")
         if joint.kind in ("hinge", "slide") and not joint.screw.any():
-            raise ModelFileError(f"axis of joint {name} is 0", where, "give it a direction")
+            raise ModelFileError(f"axis of joint {name} is 0", where, "set a direction")

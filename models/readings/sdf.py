@@ -44,9 +44,9 @@ _DYNAMICS = {
 _WHOLE, _ALONG = {"box": "size", "ellipsoid": "radii"}, 1.0 - 1e-9
 #: Way in which links define mass properties -> message about them.
 _STATED = {
-    "shapes": "Mass and inertia of {} are those of their shapes.",
-    "nothing": "SDF gives 1 kg and 1 kg m^2 to what states no mass: {}.",
-    "mass alone": "SDF gives 1 kg m^2 to what states no moments of inertia: {}.",
+    "shapes": "Mass and inertia of {} come from their shapes.",
+    "nothing": "SDF assigns 1 kg and 1 kg m^2 to links without a mass: {}.",
+    "mass alone": "SDF assigns 1 kg m^2 to links without moments of inertia: {}.",
 }
 #: Number of links that a sentence names.
 _NAMED = 6
@@ -71,7 +71,7 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
     every = (_Joint(n, f, frames) for n, f in frames.by_name.items() if f.element.tag == "joint" and not f.still)
     joints = {one.name: one for one in every}
     if any(f.element.get("name") == "world" for f in links.values()):
-        raise ModelFileError("a link is called 'world', as the ground is", where, "give it another name")
+        raise ModelFileError("a link is called 'world', which is the name of the ground", where, "rename it")
     reading = read_graph(
         {n: _link(n, f, frames) for n, f in links.items()},
         {n: GraphJoint(WORLD, n, {}) for n, f in links.items() if f.still}
@@ -89,21 +89,23 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
     )
     for n, body in reading.bodies.items():
         if body.gravcomp % 1.0:  # the weight of the remaining links acts at a different centre of mass
-            remedy = "give <gravity> to all links that are fixed to each other, or to none"
-            raise ModelFileError(f"switches off the weight of a part of body {n}", where, remedy)
+            remedy = "set <gravity> on all links that are fixed to each other, or on none"
+            raise ModelFileError(f"switches off gravity for only a part of body {n}", where, remedy)
     return reading
 
 
 def _beside(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
     """Yield worlds and models that are not part of the first world."""
     others = [e for e in root if e.tag in ("world", "model")] if world is not None else []
-    return (Content(OTHER, f"{e.tag} {e.get('name')}, which stands beside the world") for e in others if e is not world)
+    return (
+        Content(OTHER, f"{e.tag} {e.get('name')}, which is outside the first world") for e in others if e is not world
+    )
 
 
 def _unread(joints: Mapping[str, _Joint]) -> Iterator[Content]:
     """Yield the axes of ball joints, which are ignored because the coordinates of a ball do not refer to axes."""
     balls = (name for name, one in joints.items() if one.kind == "ball" and one.frame.element.find("axis") is not None)
-    return (Content(OTHER, f"axis of ball joint {name}, which has none") for name in balls)
+    return (Content(OTHER, f"axis of ball joint {name}, which has no axis") for name in balls)
 
 
 def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
@@ -126,7 +128,7 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
         matter = join(_shape(name, frame, each, density, frames) for each in element.iterfind("collision"))
         if not matter.mass:
             what = f"mass of link {name} would come from its shapes (inertial auto), but it has none"
-            raise ModelFileError(what, frames.where, "write its <inertial> out")
+            raise ModelFileError(what, frames.where, "write out its <inertial>")
         share = frames.number(inertial, "mass", matter.mass) / matter.mass
         matter = Matter(share * matter.mass, matter.com, share * matter.inertia)
     else:
@@ -143,7 +145,7 @@ def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frame
         return NOTHING
     if shape.tag not in SHAPES:
         what = f"mass of link {name} would come from a {shape.tag} (inertial auto), which is not supported"
-        raise ModelFileError(what, frames.where, "write its <inertial> out")
+        raise ModelFileError(what, frames.where, "write out its <inertial>")
     whole = _WHOLE.get(shape.tag)
     tags = [whole] if whole else SHAPES[shape.tag]
     lengths = [x for tag in tags for x in frames.vector(shape, tag, "", 3 if whole else 1).tolist()]
@@ -193,7 +195,7 @@ class _Joint:
         axis, base = self.axis(i), self.full
         way, (xyz,) = self.frames.vector(axis, "xyz", "0 0 1", 3), [*axis.findall("xyz"), axis][:1]
         if not way.any():
-            raise ModelFileError(f"axis of joint {self.name} is 0", self.frames.where, "give it a direction")
+            raise ModelFileError(f"axis of joint {self.name} is 0", self.frames.where, "set a direction")
         if name := xyz.get("expressed_in"):
             base = self.frame.named(name)
         elif is_true(axis.findtext("use_parent_model_frame")):
@@ -203,11 +205,11 @@ class _Joint:
     def in_graph(self) -> GraphJoint:
         """Convert the joint to an edge between two links."""
         if self.kind not in _KINDS:
-            what = f"joint {self.name} is of type '{self.kind}'"
-            raise ModelFileError(what, self.frames.where, f"make it one of {', '.join(_KINDS)}, gearbox")
+            what = f"joint {self.name} has the unsupported type '{self.kind}'"
+            raise ModelFileError(what, self.frames.where, f"use one of {', '.join(_KINDS)}, gearbox")
         parent, child = self.link("parent"), self.link("child")
         if parent == child:
-            raise ModelFileError(f"joint {self.name} joins a link to itself", self.frames.where, "name two links")
+            raise ModelFileError(f"joint {self.name} connects a link to itself", self.frames.where, "name two links")
         return GraphJoint(parent, child, {n: self._freedom(i) for i, n in enumerate(self.coordinates)})
 
     def _freedom(self, i: int) -> JointReading:
@@ -239,7 +241,7 @@ class _Joint:
             old = e.find("screw_thread_pitch") is None and e.find("thread_pitch") is not None
             pitch = number(e, "thread_pitch" if old else "screw_thread_pitch", 1.0)
             if not pitch:
-                raise ModelFileError(f"pitch of screw {self.name} is 0", self.frames.where, "give it a pitch")
+                raise ModelFileError(f"pitch of screw {self.name} is 0", self.frames.where, "set a pitch")
             pitch = -math.tau / pitch if old else pitch
             yield self.coordinates[1], self.name, "1", 0.0, pitch / math.tau
         for i, name in enumerate(self.coordinates[: 1 if self.kind == "screw" else None]):
@@ -259,5 +261,7 @@ class _Joint:
                 cosine = float(joint.direction(0) @ self.direction(i))
                 if abs(cosine) > _ALONG:
                     return name, math.copysign(1.0, cosine) * (1.0 if joint.link("child") == near else -1.0)
-        what = f"gearbox {self.name} gears '{near}', which no hinge along its axis joins to '{reference or 'world'}'"
+        what = (
+            f"gearbox {self.name} gears '{near}', but no hinge along its axis connects it to '{reference or 'world'}'"
+        )
         raise ModelFileError(what, self.frames.where, "add that hinge, or name another gearbox_reference_body")

@@ -127,10 +127,10 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
     root = elements(stage_of(path)) if is_usd(path) else parse(path)
     if any(element.tag in _OF_XACRO for element in root.iter()):
         command = f"xacro {path.name} > robot.urdf"
-        raise ModelFileError("is a xacro file, from which a URDF is made", str(path), f"expand it first: {command}")
+        raise ModelFileError("is a xacro file, not a URDF", str(path), f"expand it first: {command}")
     if root.tag not in FORMATS:
         what = f"is not a model: its root element is <{root.tag}>"
-        raise ModelFileError(what, str(path), "give a URDF (<robot>), MJCF (<mujoco>) or SDF (<sdf>)")
+        raise ModelFileError(what, str(path), "choose a URDF (<robot>), MJCF (<mujoco>) or SDF (<sdf>)")
     form = FORMATS[root.tag]
     if form == "mjcf":
         source = _mjcf(root, path, meshes)
@@ -138,7 +138,7 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
         source = {"urdf": _urdf, "sdf": _sdf}[form](root, path) if form != "usd" else Source(path, form, root)
     if floating and form != "urdf":
         what = f"is {form.upper()}, which defines its floating bodies itself"
-        raise ModelFileError(what, str(path), "do not ask for a floating base")
+        raise ModelFileError(what, str(path), "do not request a floating base")
     if floating:
         add_floating_base(root)
     return source
@@ -167,13 +167,13 @@ def check_names(root: ET.Element, form: str, where: str) -> None:
     for what, tags in kinds.items():
         names = Counter(element.get("name") for element in places if element.tag in tags)
         if what != "joint" and not names and not any(place.tag in (*MAKERS, "attach") for place in places):
-            raise ModelFileError(f"has no {what}", where, "give the file that describes the robot")
+            raise ModelFileError(f"has no {what}", where, "choose the file that describes the robot")
         for name, count in names.items():
             if not name:
-                raise ModelFileError(f"a {what} has no name", where, "give it one")
+                raise ModelFileError(f"a {what} has no name", where, "name it")
             if count > 1:
                 shared = f"'{name}' is the name of {count} {tags[0]} elements"
-                raise ModelFileError(shared, where, "give each a name of its own")
+                raise ModelFileError(shared, where, "use unique names")
 
 
 def _urdf(root: ET.Element, path: Path) -> Source:
@@ -182,7 +182,7 @@ def _urdf(root: ET.Element, path: Path) -> Source:
     content = without_shapes(root)
     if "name" not in root.attrib:
         root.set("name", path.stem)  # some readers reject a model without a name
-        content.append(Content("put in place", "no name of the robot: it has that of the file"))
+        content.append(Content("put in place", "name of the robot, taken from the file name"))
     check_names(root, "urdf", str(path))
     check_tree(root, str(path))
     return Source(path, "urdf", root, tuple(content), resolved=tuple(_turn_warnings(root)))
@@ -207,9 +207,7 @@ def _sdf(root: ET.Element, path: Path) -> Source:
 def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
     files = parts(root, path)
     included = (name for part in files for name in part.included)
-    content = [
-        Content("put in place", f"include {name}, put in its place before a library reads it") for name in included
-    ]
+    content = [Content("put in place", f"include {name}, merged before a library reads it") for name in included]
     taken = {element.get("name") for part in files for element in part.root.iter()}
     keys = {part.path: f"{i + 1}.xml" for i, part in enumerate(files)}
     whole = any("body" not in attach.attrib for part in files for attach in part.root.iter("attach"))
@@ -220,7 +218,7 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
         name_all(part.root, taken)
         if meshes and (weighed := weigh(part.root, part.path, path.parent.resolve(), own=own)):
             names = first_few(weighed, _NAMED)
-            resolved.append(f"Mass and inertia of {names} are those that MuJoCo computes from the meshes.")
+            resolved.append(f"MuJoCo computes mass and inertia of {names} from the meshes.")
         moving = () if own else ("body", "worldbody") if whole else ("body",)
         content += without_meshes(part.root, where, moving=moving)
         check_names(part.root, "mjcf", where)
@@ -228,7 +226,7 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
         if not own:
             attached[keys[part.path]] = part.root
     if attached:
-        resolved.append(f"Models are attached by MuJoCo: {', '.join(part.path.name for part in files[:-1])}.")
+        resolved.append(f"MuJoCo attaches models: {', '.join(part.path.name for part in files[:-1])}.")
     return Source(path, "mjcf", root, tuple(content), attached, tuple(resolved))
 
 

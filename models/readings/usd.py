@@ -78,7 +78,7 @@ def read_usd(path: Path, name: str) -> Reading:
     units = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
     if not all(1.0 / _LARGEST < unit < _LARGEST for unit in units):
         what = f"has units of {units[0]:g} m and {units[1]:g} kg"
-        raise ModelFileError(what, str(path), "state metersPerUnit and kilogramsPerUnit, such as 0.01 and 1")
+        raise ModelFileError(what, str(path), "set metersPerUnit and kilogramsPerUnit, such as 0.01 and 1")
     read = _Stage(stage, str(path), *units, UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), names)
     found = [prim for prim in every if is_joint(prim)]
     joints = [one for one in map(read.joint, found, names_of(found)) if one is not None]
@@ -117,10 +117,10 @@ def _apart(gaps: Mapping[str, float]) -> Iterator[str]:
     """Yield messages about joints whose two frames do not coincide."""
     small = {name: gap for name, gap in gaps.items() if 0.0 < gap <= ROUNDING}
     if (most := max(small.values(), default=0.0)) > ROUNDING**2:
-        yield f"Frames of {first_few(small, 3)} are up to {most:.1g} m or rad apart on their bodies: they are closed."
+        yield f"The two frames of {first_few(small, 3)} differ by up to {most:.1g} m or rad: the gaps are closed."
     for name, gap in gaps.items():
         if gap > ROUNDING:
-            yield f"Frames of joint {name} are {gap:.2g} m or rad apart on its bodies: poses are those that close them."
+            yield f"The two frames of joint {name} differ by {gap:.2g} m or rad: bodies are moved to close the gap."
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ class _Stage:
             return None
         if kind not in _KINDS:
             types = ", ".join(f"Physics{each}Joint" for each in _KINDS)
-            raise ModelFileError(f"joint {name} is a {prim.GetTypeName()}", self.where, f"make it one of {types}")
+            raise ModelFileError(f"joint {name} is a {prim.GetTypeName()}", self.where, f"use one of {types}")
         tokens = [token.format(axis_of(prim, "physics:axis", "X")) for token in _KINDS[kind]]
         limits = {token: self.limits(prim, kind, token) for token in tokens}
         free = {token: (low, high) for token, (low, high) in limits.items() if not low >= high}
@@ -175,7 +175,7 @@ class _Stage:
         scale[0] *= math.copysign(1.0, np.linalg.det(M[:3, :3]))
         R = M[:3, :3] / np.where(scale == 0.0, 1.0, scale)
         if not (np.abs(R.T @ R - np.eye(3)) < _SQUARE).all():
-            raise ModelFileError(f"shears {prim.GetPath()} or scales it to nothing", self.where, "use another scale")
+            raise ModelFileError(f"shears {prim.GetPath()} or scales it to zero", self.where, "use another scale")
         return matrix(self.unit * M[:3, 3], R), scale
 
     def body_of(self, prim: Any) -> str:
@@ -189,8 +189,8 @@ class _Stage:
         targets = joint.GetRelationship(f"physics:body{k}").GetForwardedTargets()
         prim = self.stage.GetPrimAtPath(targets[0]) if targets else None
         if targets and not (prim and prim.IsActive()):
-            what = f"joint {joint.GetName()} joins {targets[0]}, which does not exist"
-            raise ModelFileError(what, self.where, "mend it")
+            what = f"joint {joint.GetName()} connects {targets[0]}, which does not exist"
+            raise ModelFileError(what, self.where, "correct the path")
         T, scale = self.placed(prim) if prim else (np.eye(4), np.ones(3))
         p, q = numbers(joint, f"physics:localPos{k}", default=(0.0,) * 3), f"physics:localRot{k}"
         return self.body_of(prim), T @ matrix(self.unit * scale * p, _turn(numbers(joint, q, default=(0.0,) * 4)))
@@ -208,7 +208,7 @@ class _Stage:
             if not whole.mass:  # OpenUSD's default
                 r = 0.1 * self.unit
                 whole = Matter(self.kilo, np.zeros(3), 0.4 * self.kilo * r * r * np.eye(3))
-                what = f"mass or inertia of body {name}, which states none: of a ball of {r:g} m, 1 kg unless stated"
+                what = f"mass or inertia of body {name}, which specifies none: a ball of {r:g} m, 1 kg unless specified"
                 self.content.extend([] if weighs else [Content("read otherwise by the library", what)])
             matter = self.stated(prim, scale, whole)
         if value(prim, "physics:kinematicEnabled"):
@@ -241,8 +241,8 @@ class _Stage:
         turn = np.roll(np.eye(3), axis + 1, axis=0)  # maps z of the shape to its axis
         across, along = float(np.delete(size, axis).max()), float(size[axis])
         if kind not in _SHAPES:
-            what = f"mass of body {name} would come from a {kind or 'shape'}, which is not computed"
-            raise ModelFileError(what, self.where, "state mass, diagonalInertia and centerOfMass of the body (MassAPI)")
+            what = f"mass of body {name} would come from a {kind or 'shape'}, which is not supported"
+            raise ModelFileError(what, self.where, "set mass, diagonalInertia and centerOfMass of the body (MassAPI)")
         lengths = [across * number(prim, "radius", default=1.0), along * number(prim, "height", default=1.0)]
         if kind in ("cube", "sphere"):
             lengths, turn = (size * number(prim, "size", "radius", default=1.0)).tolist(), np.eye(3)
@@ -387,7 +387,7 @@ class _Joint:
             leader, scaled = joints.get(path), self.stage.scaled
             if leader is None or not (leader.coordinates and self.coordinates):
                 what = f"joint {self.name} follows {path}, which is not a moving joint"
-                raise ModelFileError(what, self.stage.where, "name another joint, or take the mimic out")
+                raise ModelFileError(what, self.stage.where, "choose another joint, or remove the mimic")
             pairs = ((token, self), (axis, leader))
             own, leads = (t if t in one.coordinates else next(iter(one.coordinates)) for t, one in pairs)
             ratio = scaled(own, 1.0) / scaled(leads, 1.0) if degrees else 1.0

@@ -188,12 +188,14 @@ KINDS: dict[str, Mutation] = {
     "moment_factor": _tensor(changes.one_grown),
     "tensor_factor": _tensor(grown),
     "product_shift": _tensor(changes.product_more),
-    "products_negated": _tensor(changes.negated, slip="have the other sign", fits=changes.asymmetric),
+    "products_negated": _tensor(changes.negated, slip="have the opposite sign", fits=changes.asymmetric),
     "products_in_other_order": _tensor(
-        changes.reordered, slip="products of inertia are in another order", fits=changes.unlike_products
+        changes.reordered, slip="products of inertia are in a different order", fits=changes.unlike_products
     ),
-    "axes_permuted": _tensor(changes.permuted, slip="principal moments are on other axes", fits=changes.principal),
-    "moments_permuted": _tensor(changes.permuted, slip="moments of inertia are in another order", fits=changes.full),
+    "axes_permuted": _tensor(changes.permuted, slip="principal moments are on different axes", fits=changes.principal),
+    "moments_permuted": _tensor(
+        changes.permuted, slip="moments of inertia are in a different order", fits=changes.full
+    ),
     "about_the_origin": _tensor(changes.about_the_origin, slip="about the origin", fits=off),
     "orientation_lost": _written(lambda R, *_: np.eye(3), slip=LOST),
     "orientation_transposed": _written(lambda R, *_: R.T, slip=TRANSPOSED),

@@ -142,7 +142,9 @@ def _orders(case: Unexplained) -> Iterator[Reason]:
     if cycles:
         facts = [fact for fact in case.of(*whats) if any(fact.part in cycle for cycle in cycles)]
         orders = (", ".join(order) for order in (cycles[0], map(names.__getitem__, cycles[0])))
-        yield Reason("joint order", tuple(facts), (*orders, f", {len(cycles) - 1} more alike" * (len(cycles) > 1)))
+        yield Reason(
+            "joint order", tuple(facts), (*orders, f"; {len(cycles) - 1} more groups like this" * (len(cycles) > 1))
+        )
 
 
 def _cycles(names: Mapping[str, str]) -> Iterator[list[str]]:

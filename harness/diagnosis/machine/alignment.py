@@ -49,7 +49,9 @@ def read_map(path: Path) -> dict[str, str]:
     given = read_toml(path)
     for name, other in given.items():
         if not isinstance(other, str):
-            raise DescriptionError(f"'{name}' is no name", str(path), 'write lines such as "joint of A" = "joint of B"')
+            raise DescriptionError(
+                f"the partner of '{name}' is not a name", str(path), 'write lines such as "joint of A" = "joint of B"'
+            )
     return given
 
 
