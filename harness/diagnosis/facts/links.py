@@ -15,7 +15,7 @@ import numpy as np
 
 from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, Partner, difference, step_of
 from screwgauge.diagnosis.facts.loops import SUM, end_facts
-from screwgauge.diagnosis.machine.features import EXACT, Feature, feature, features, gap
+from screwgauge.diagnosis.machine.features import EXACT, features, gap
 from screwgauge.diagnosis.machine.placement import descend, lay
 from screwgauge.diagnosis.properties import PASSIVE, Change, unit_of
 from screwgauge.diagnosis.shares import freedom_left
@@ -91,7 +91,7 @@ def _match_joints(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element,
     left, T = [*other.elements], pair.alignment.placed[one.near]
     for x in (x for x in one.elements if x.joint):
         for i, y in enumerate(left):
-            if y.joint and np.linalg.norm(gap(feature(x), feature(y).move(T), pair.a.length)) < EXACT:
+            if y.joint and np.linalg.norm(gap(x, y.placed(T), pair.a.length)) < EXACT:
                 yield x, y
                 left = left[i + 1 :]
                 break
@@ -329,20 +329,20 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
         )
 
 
-def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:
+def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Element, Element, float]]:
     """Yield features of a link whose locations on a body and on its partner differ, and the distance between them."""
     for body, there in ((one.near, other.near), (one.far, other.far)):
         for x, y in zip(features(one, body), features(other, there), strict=False):
-            y = y.move(pair.alignment.placed[body])
+            y = y.placed(pair.alignment.placed[body])
             size = float(np.linalg.norm(gap(x, y, pair.a.length)))
             if size > SUM * TOLERANCE:
                 yield body, x, y, size
 
 
-def _step(x: Feature, y: Feature) -> Array:
+def _step(x: Element, y: Element) -> Array:
     """Compute the rotation and translation from one feature to another, ignoring motion along a line. Shape (2, 3)."""
-    way = y.point - x.point
-    way = {"R": way - (way @ y.direction) * y.direction, "S": way, "P": np.zeros(3)}[x.kind]
+    way = y.centre - x.centre
+    way = {"hinge": way - (way @ y.direction) * y.direction, "ball": way, "slide": np.zeros(3)}[x.kind]
     sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
     turn = np.cross(x.direction, sense * y.direction)
     sine = float(np.linalg.norm(turn))
@@ -350,10 +350,10 @@ def _step(x: Feature, y: Feature) -> Array:
     return np.array([turn / sine * angle if sine > 1e-12 else np.zeros(3), way])
 
 
-def _axis(joint: str, x: Feature, y: Feature, step: Array, length: float) -> Iterator[Change]:
+def _axis(joint: str, x: Element, y: Element, step: Array, length: float) -> Iterator[Change]:
     """Yield the changes that move only the axis of a joint."""
     if np.linalg.norm(step[0]) > TOLERANCE:
         sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
         yield Change(joint, "axis", sense * y.direction)
-    if x.kind != "P" and np.linalg.norm(step[1]) > TOLERANCE * length:
-        yield Change(joint, "centre", x.point + step[1])
+    if x.kind != "slide" and np.linalg.norm(step[1]) > TOLERANCE * length:
+        yield Change(joint, "centre", x.centre + step[1])

@@ -213,7 +213,7 @@ def _stays(machine: Machine, link: Link, body: str, T: Array) -> bool:
     same = still and bool(np.abs(matter.inertia - turned.inertia).max() < ROUND * size)
     own = link.of(body)
     others = [f for each in machine.at(body) if each.names != own.names for f in features(each, body)]
-    return same and all(bool(np.linalg.norm(gap(f, f.move(T), machine.length)) < ROUND) for f in others)
+    return same and all(bool(np.linalg.norm(gap(f, f.placed(T), machine.length)) < ROUND) for f in others)
 
 
 def softness_facts(pair: Pair) -> Iterator[Fact]:

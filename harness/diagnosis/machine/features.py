@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,42 +17,28 @@ EXACT = 1e-6
 UPPER = np.triu_indices(3)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Feature:
-    """Geometry of a link on one of its bodies: a point (S), a line (R) or a direction (P)."""
+def features(link: Link, body: str) -> list[Element]:
+    """Return the geometry of a link on one of its bodies; return an empty list for a free link.
 
-    kind: str
-    point: Array
-    direction: Array
-
-    def move(self, T: Array) -> Feature:
-        """Transform the feature by T, shape (4, 4)."""
-        return Feature(self.kind, T[:3, :3] @ self.point + T[:3, 3], T[:3, :3] @ self.direction)
-
-
-def features(link: Link, body: str) -> list[Feature]:
-    """Return the features of a link on one of its bodies; return an empty list for a free link."""
+    A ball stands for a point, a hinge for a line and a slide for a direction.
+    """
     if link.kind == "F":
         return []
     if body != link.near and link.step is not None:
-        return [each.move(link.step) for each in features(replace(link, step=None), body)]
+        return [each.placed(link.step) for each in features(replace(link, step=None), body)]
     if link.kind == "S" and link.centre is not None:
-        return [Feature("S", link.centre, np.zeros(3))]
-    return [feature(link.elements[0 if body == link.near else -1])]
+        return [Element("ball", np.zeros(6), link.centre)]
+    element = link.elements[0 if body == link.near else -1]
+    return [replace(element, kind="ball") if element.kind == "free" else element]
 
 
-def feature(element: Element) -> Feature:
-    kind = {"hinge": "R", "slide": "P", "ball": "S", "free": "S"}[element.kind]
-    return Feature(kind, element.centre, element.direction if kind != "S" else np.zeros(3))
-
-
-def gap(one: Feature, other: Feature, length: float) -> Array:
+def gap(one: Element, other: Element, length: float) -> Array:
     """Compute the differences in direction and in location, in machine lengths, between two features. Shape (6,)."""
     if one.kind != other.kind:
         return np.append(2.0, np.zeros(5))
     sign = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
-    step = (other.point - one.point) / length
-    way = {"R": cross(step, one.direction), "S": step, "P": np.zeros(3)}[one.kind]
+    step = (other.centre - one.centre) / length
+    way = {"hinge": cross(step, one.direction), "slide": np.zeros(3)}.get(one.kind, step)
     return np.append(one.direction - sign * other.direction, way)
 
 
@@ -64,7 +50,7 @@ class Shape:
         stated = [link for link in links if not _is_derived(machine, link, body)]
         some = [each for link in stated or links for each in features(link, body)]
         self.kinds = np.array([each.kind for each in some], dtype=str)
-        self.points = np.array([each.point for each in some]).reshape(-1, 3)
+        self.points = np.array([each.centre for each in some]).reshape(-1, 3)
         self.ways = np.array([each.direction for each in some]).reshape(-1, 3)
         self.matter = machine.bodies[body].matter
 
@@ -77,13 +63,13 @@ class Shape:
 
     def places(self) -> Iterator[tuple[str, Array, Array]]:
         """Yield kind, point and direction of each feature with a location; the direction of a point is zero."""
-        yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
+        yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "slide")
         if self.matter.mass:
             yield "com", self.matter.com, np.zeros(3)
 
     def directions(self) -> Iterator[tuple[str, Array]]:
         """Yield kind and direction of features and principal axes; the sense of a direction is arbitrary."""
-        yield from ((k, way) for k, way in zip(self.kinds, self.ways, strict=True) if k != "S")
+        yield from ((k, way) for k, way in zip(self.kinds, self.ways, strict=True) if k != "ball")
         if self.matter.mass:
             yield from ((f"inertia {i}", way) for i, way in enumerate(np.linalg.eigh(self.matter.inertia)[1].T))
 
@@ -100,7 +86,7 @@ class Overlay:
 
     def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
         self.ours, self.theirs, self.length = Shape(a, bodies[0]), Shape(b, bodies[1]), a.length
-        self.lines, self.balls = (self.ours.kinds == kind for kind in "RS")
+        self.lines, self.balls = (self.ours.kinds == kind for kind in ("hinge", "ball"))
         self.unlike = self.ours.kinds[:, None] != self.theirs.kinds
 
     def residuals(self, T: Array) -> Array:

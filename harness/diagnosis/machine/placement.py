@@ -12,7 +12,7 @@ from itertools import chain, product
 
 import numpy as np
 
-from screwgauge.diagnosis.machine.features import EXACT, Feature, Overlay, features, gap
+from screwgauge.diagnosis.machine.features import EXACT, Overlay, features, gap
 from screwgauge.models.machine import Body, Element, Link, Machine
 from screwgauge.models.poses import exponential, matrix, shortest_turn
 from screwgauge.reference.mechanism import GROUND
@@ -101,7 +101,7 @@ def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -
     if same and len(one.elements) == len(other.elements):
         yield coordinate_placement(a, b, links, near)
     yield near
-    mine, yours = features(one, one.near), [each.move(near) for each in features(other, other.near)]
+    mine, yours = features(one, one.near), [each.placed(near) for each in features(other, other.near)]
     if mine and yours and mine[0].kind == yours[0].kind:
         yield lay(mine[0], yours[0]) @ near
     first, second = a.bodies[one.far], b.bodies[other.far]
@@ -165,14 +165,14 @@ def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near:
     return T
 
 
-def lay(one: Feature, other: Feature) -> Array:
+def lay(one: Element, other: Element) -> Array:
     """Compute the shortest displacement of the second feature onto the first. Shape (4, 4)."""
     R: Array = np.eye(3)
-    if one.kind != "S":
+    if one.kind != "ball":
         sense = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
         R = shortest_turn(sense * other.direction, one.direction)
-    step = one.point - R @ other.point
-    way = {"R": step - (step @ one.direction) * one.direction, "S": step, "P": np.zeros(3)}[one.kind]
+    step = one.centre - R @ other.centre
+    way = {"hinge": step - (step @ one.direction) * one.direction, "ball": step, "slide": np.zeros(3)}[one.kind]
     return matrix(way, R)
 
 
@@ -276,7 +276,7 @@ def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
         T: Placement of B's world frame in A's. Shape (4, 4).
     """
     ours, theirs = (features(link, link.near) for link in links)
-    gaps = (np.linalg.norm(gap(x, y.move(T), a.length)) for x, y in zip(ours, theirs, strict=False))
+    gaps = (np.linalg.norm(gap(x, y.placed(T), a.length)) for x, y in zip(ours, theirs, strict=False))
     return float(max(gaps, default=0.0))
 
 
