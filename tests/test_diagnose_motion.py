@@ -112,9 +112,7 @@ def test_a_wrong_mass_shows(pair, name):
 def test_a_tree_that_cannot_follow_is_not_compared(pair, name):
     """B has one of its bodies turned against all of its joints and closures."""
     both = pair(name)
-    placed = dict(both.alignment.placed)
-    placed[max(both.alignment.bodies, key=lambda each: both.a.bodies[each].matter.mass)] = matrix(
-        [0.1, 0, 0], np.eye(3)
-    )
-    wrong = replace(both, alignment=replace(both.alignment, placed=placed))
+    placed = dict(both.placed)
+    placed[max(both.bodies, key=lambda each: both.a.bodies[each].matter.mass)] = matrix([0.1, 0, 0], np.eye(3))
+    wrong = replace(both, placed=placed)
     assert compare_dynamics(wrong, 0) is None

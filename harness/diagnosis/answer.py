@@ -19,8 +19,9 @@ from screwgauge.reference.errors import OutputError
 if TYPE_CHECKING:
     from screwgauge.diagnosis.causes.causes import Cause
     from screwgauge.diagnosis.causes.reasons import Reason
-    from screwgauge.diagnosis.facts.fact import Fact, Pair
+    from screwgauge.diagnosis.facts.fact import Fact
     from screwgauge.diagnosis.findings import Findings
+    from screwgauge.diagnosis.machine.pair import Pair
     from screwgauge.diagnosis.model import Model
     from screwgauge.models.readings.reading import Reading
 

@@ -15,12 +15,13 @@ from screwgauge.diagnosis.causes.causes import rank_causes
 from screwgauge.diagnosis.causes.reasons import find_reasons
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.explanation import explain
-from screwgauge.diagnosis.facts.fact import Fact, Pair, mark_compiled, mark_rounding, other_gravity, select
+from screwgauge.diagnosis.facts.fact import Fact, mark_compiled, mark_rounding, other_gravity, select
 from screwgauge.diagnosis.facts.structure import compare_content
 from screwgauge.diagnosis.findings import Findings
 from screwgauge.diagnosis.fix import make_fix
 from screwgauge.diagnosis.libraries import check_libraries, compare_dynamics, compare_libraries
 from screwgauge.diagnosis.machine.alignment import Names, find_partners, read_map
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.model import (
     Loops,
     Model,
@@ -171,7 +172,7 @@ def _origins(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
 def _are_comparable(pair: Pair, names: Names) -> bool:
     """Return True if enough joints are matched for a comparison, by name or by geometry."""
     counts = [len(machine.reading.joints) - len(pair.joints) for machine in (pair.a, pair.b)]
-    if not pair.joints or pair.alignment.covers(pair.a, pair.b):
+    if not pair.joints or pair.complete:
         return bool(pair.joints) or not any(machine.reading.joints for machine in (pair.a, pair.b))
     known = [how for name, how in names.how.items() if name in pair.joints]
     enough = len(known) >= ALIKE * (len(pair.joints) + min(counts))

@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.causes import group_facts
 from screwgauge.diagnosis.facts.bodies import body_facts
-from screwgauge.diagnosis.facts.fact import Fact, Kind, Pair, known_gravity
+from screwgauge.diagnosis.facts.fact import Fact, Kind, known_gravity
 from screwgauge.diagnosis.facts.links import link_facts
 from screwgauge.diagnosis.facts.loops import coupling_facts, softness_facts
 from screwgauge.diagnosis.facts.structure import (
@@ -21,6 +21,7 @@ from screwgauge.diagnosis.facts.structure import (
     structure_facts,
 )
 from screwgauge.diagnosis.machine.alignment import Names, find_partners
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.machine.placement import Believed
 from screwgauge.diagnosis.machine.whole import Whole, find_wholes
 from screwgauge.models.machine import Machine, machine_of
@@ -197,8 +198,8 @@ def _root(T: Array, a: Machine) -> str:
 def _roots(pair: Pair) -> Iterator[Whole]:
     """Yield placements that align ground links with their partners, most frequent first."""
     found: dict[bytes, list[Array]] = {}
-    for one, _ in pair.alignment.links:
-        T = pair.alignment.placed[one.far]
+    for one, _ in pair.links:
+        T = pair.placed[one.far]
         if one.near == GROUND and np.abs(T - np.eye(4)).max() > 1e-6:
             found.setdefault(np.round(T, 4).tobytes(), []).append(T)
     for some in sorted(found.values(), key=len, reverse=True)[:ROOTS]:

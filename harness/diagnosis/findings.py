@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from screwgauge.diagnosis.causes.causes import Cause
 from screwgauge.diagnosis.causes.reasons import Reason
-from screwgauge.diagnosis.facts.fact import IDLE, Fact, Pair
+from screwgauge.diagnosis.facts.fact import IDLE, Fact
 from screwgauge.diagnosis.facts.structure import Sided
 from screwgauge.diagnosis.fix import Fix
 from screwgauge.diagnosis.libraries import LibraryCheck, Together
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.shares import SAME, Largest, Order
@@ -149,12 +150,12 @@ def _model(model: Model) -> dict[str, Any]:
 
 def _partners(found: Findings) -> Mapping[str, Any]:
     """List partners, and parts without a partner."""
-    pair, alone = found.pair, (found.pair.alignment.only_a, found.pair.alignment.only_b)
+    pair, alone = found.pair, (found.pair.only_a, found.pair.only_b)
     joints = {name: pair.partner(name).name for name in found.how}
     missing = {
         key: ["/".join(link.names) for link in links] for key, links in zip(("in_b", "in_a"), alone, strict=True)
     }
-    return {"map": {"joints": joints, "how": found.how, "bodies": pair.alignment.bodies}, "missing": missing}
+    return {"map": {"joints": joints, "how": found.how, "bodies": pair.bodies}, "missing": missing}
 
 
 def _difference(each: Difference) -> dict[str, Any]:

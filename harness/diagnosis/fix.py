@@ -15,8 +15,9 @@ from typing import TypeVar
 import numpy as np
 
 from screwgauge.diagnosis.explanation import Explanation, compare_pair, compare_readings, explain
-from screwgauge.diagnosis.facts.fact import EXACT, Fact, Pair, numbers_in, select
+from screwgauge.diagnosis.facts.fact import EXACT, Fact, numbers_in, select
 from screwgauge.diagnosis.machine.alignment import Names
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.model import Model, Read
 from screwgauge.diagnosis.patch import change_file
 from screwgauge.diagnosis.properties import OPTIONAL, Change, apply_changes, sequence
@@ -122,7 +123,7 @@ def _compare_back(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation
 
 def _bodies(pair: Pair) -> dict[str, str]:
     """Return the partners of A's bodies, without the ground."""
-    return {name: other for name, other in pair.alignment.bodies.items() if name != GROUND}
+    return {name: other for name, other in pair.bodies.items() if name != GROUND}
 
 
 def _to_pose_of_file(changes: Iterable[Change], written: Reading, posed: Reading) -> list[Change]:

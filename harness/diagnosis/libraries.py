@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.facts.fact import Pair
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.motion import Partners, follow, namesakes, partners_of
 from screwgauge.diagnosis.properties import CALLS, PASSIVE

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.diagnosis.facts.fact import Pair, Partner
+from screwgauge.diagnosis.machine.pair import Pair, Partner
 from screwgauge.models.kinematics import ReadingTree, home
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
@@ -36,8 +36,8 @@ def partners_of(pair: Pair) -> Partners:
     """Return the partners of A's bodies, including all members of each body."""
     poses = pair.b.reading.poses
     bodies = [
-        (name, member, np.linalg.inv(pair.a.bodies[name].pose) @ pair.alignment.placed[name] @ poses[member])
-        for name, other in pair.alignment.bodies.items()
+        (name, member, np.linalg.inv(pair.a.bodies[name].pose) @ pair.placed[name] @ poses[member])
+        for name, other in pair.bodies.items()
         for member in pair.b.bodies[other].members
     ]
     return bodies, pair.joints

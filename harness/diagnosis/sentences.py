@@ -73,7 +73,7 @@ def _gravity(found: Findings) -> Iterator[str]:
 def explanation(found: Findings) -> Iterator[str]:
     """Yield sentences about the effect of the facts on torques and about the proof by the corrected file."""
     few = 2 * len(found.how) < max(len(each.reading.joints) for each in (found.a, found.b))
-    if found.alike and few and not found.pair.alignment.covers(found.pair.a, found.pair.b):
+    if found.alike and few and not found.pair.complete:
         yield _partial(found)
     causes = [cause for cause in found.causes if cause.kind != "digits"]
     if not causes:

@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from screwgauge.diagnosis.facts.fact import Partner
 from screwgauge.diagnosis.libraries import ASKED, ROUNDING, joint_states
+from screwgauge.diagnosis.machine.pair import Partner
 from screwgauge.diagnosis.motion import FITS, Partners, follow
 from screwgauge.diagnosis.shares import Torques, with_gravity
 from screwgauge.models.check import expected_reading

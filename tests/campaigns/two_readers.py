@@ -8,8 +8,8 @@ import numpy as np
 
 from screwgauge.diagnosis.answer import differences_of
 from screwgauge.diagnosis.explanation import compare_readings as told
-from screwgauge.diagnosis.facts.fact import Pair
 from screwgauge.diagnosis.libraries import ask_library
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.motion import follow, partners_of
 from screwgauge.diagnosis.shares import STATES, with_gravity
 from screwgauge.engines.raw_queries import Answers
@@ -52,7 +52,7 @@ def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False) 
     ordered = sorted(differences_of(pair, found.facts), key=lambda each: (each.what in SILENT, -each.size))
     by = f"(A: as {one.library} reads it, B: as {two.library} reads it)"
     causes = [f"{each.sentence} {by}" for each in ordered]
-    if pair.alignment.only_a or pair.alignment.only_b or not pair.joints:
+    if pair.only_a or pair.only_b or not pair.joints:
         return TwoReaders(math.nan, math.nan, tuple(causes))
     try:
         torque, rigid, omitted = _torques(file, pair, floating=floating)

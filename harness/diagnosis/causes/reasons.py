@@ -13,7 +13,8 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.causes import factor_of
 from screwgauge.diagnosis.causes.trials import LEFT, WATER, Slip, Trial, Written, parse_file
-from screwgauge.diagnosis.facts.fact import Fact, Pair, difference
+from screwgauge.diagnosis.facts.fact import Fact, difference
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import INERTIAL, PASSIVE, PROPERTIES, UNITS, unit_of
 from screwgauge.models.machine import Machine
@@ -201,7 +202,7 @@ def _differing_bodies(case: Unexplained) -> Iterator[tuple[Machine, str, Machine
     """Yield differing bodies, seen from A and from B: machine, body, other machine, both mass properties, facts."""
     pair = case.pair
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
-        other = pair.alignment.bodies[name]
+        other = pair.bodies[name]
         facts = tuple(fact for fact in case.of(*INERTIAL) if fact.part == name)
         to_a = _to_a(pair, name)
         a, b = pair.a.bodies[name].local, pair.b.bodies[other].local
@@ -211,8 +212,8 @@ def _differing_bodies(case: Unexplained) -> Iterator[tuple[Machine, str, Machine
 
 def _to_a(pair: Pair, name: str) -> Array:
     """Return the frame of a body's partner relative to the frame of the body. Shape (4, 4)."""
-    other = pair.b.bodies[pair.alignment.bodies[name]]
-    return relative(pair.a.bodies[name].pose, pair.alignment.placed[name] @ other.pose)
+    other = pair.b.bodies[pair.bodies[name]]
+    return relative(pair.a.bodies[name].pose, pair.placed[name] @ other.pose)
 
 
 def _merges(case: Unexplained) -> Iterator[Reason]:
@@ -287,7 +288,7 @@ def _local(file: Written, machine: Machine, ends: Ends) -> Array:
 
 def _differing_joints(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
     """Yield facts about the placement of a link, the bodies at its ends, and the placement in A and in B."""
-    for one, other in case.pair.alignment.links:
+    for one, other in case.pair.links:
         names = {"/".join(one.joints), *one.joints}
         facts = [f for f in case.of("placement", "zero") if f.part in names]
         facts += [f for f in case.of("limits", "rest") if f.part in names and f.kind == "convention" and facts]
@@ -333,7 +334,7 @@ def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Tri
 
 def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array]]]:
     """Yield the links of a body if both files have the same: name, mass properties in A and B in the link frame."""
-    bodies = pair.a.bodies[name], pair.b.bodies[pair.alignment.bodies[name]]
+    bodies = pair.a.bodies[name], pair.b.bodies[pair.bodies[name]]
     one, two = (m.reading.bodies[each.members[0]] for m, each in zip((pair.a, pair.b), bodies, strict=True))
     if max(len(body.members) for body in bodies) > 1 or not one.parts or {*one.parts} != {*two.parts}:
         return

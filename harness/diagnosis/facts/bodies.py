@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, difference
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, difference
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.properties import INERTIAL, Change, unit_of
 from screwgauge.models.machine import NO_MASS, Machine
 from screwgauge.models.matter import Matter, displace, remainder
@@ -15,10 +16,10 @@ from screwgauge.reference.mechanism import GROUND
 
 def body_facts(pair: Pair) -> Iterator[Fact]:
     """Compare all bodies that have a partner."""
-    for name, other in pair.alignment.bodies.items():
+    for name, other in pair.bodies.items():
         if GROUND in (name, other):
             continue
-        theirs = displace(pair.b.bodies[other].matter, pair.alignment.placed[name])
+        theirs = displace(pair.b.bodies[other].matter, pair.placed[name])
         yield from _matter_facts(pair, name, other, pair.a.bodies[name].matter, theirs)
         yield from _compensation(pair, name, other)
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from screwgauge.casebook.book import CASES, is_shown_here
-from screwgauge.diagnosis.machine.alignment import Alignment
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import PASSIVE, PROPERTIES, RIGID, Change
-from screwgauge.models.machine import Machine
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 
@@ -65,55 +63,6 @@ class Fact:
     def side(self) -> str:
         """The only model that has a value, ``A`` or ``B``; empty if both have a value."""
         return "A" if self.b is None and self.a is not None else "B" if self.a is None and self.b is not None else ""
-
-
-@dataclass(frozen=True, slots=True)
-class Partner:
-    """A joint of B with the coordinate ``sign q + zero`` [rad or m], where q is its partner's coordinate in A."""
-
-    name: str
-    sign: float = 1.0
-    zero: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Pair:
-    """Two machines, their alignment, and the joints of A with their partners, added while links are compared.
-
-    Attributes:
-        lost: Facts about links and welds that only one model has and that were removed from the machines.
-    """
-
-    a: Machine
-    b: Machine
-    alignment: Alignment
-    joints: dict[str, Partner] = field(default_factory=dict)
-    lost: tuple[Fact, ...] = ()
-
-    @property
-    def inverse(self) -> Pair:
-        """The pair with A and B exchanged."""
-        lost = tuple(replace(fact, a=fact.b, b=fact.a) for fact in self.lost)
-        return Pair(self.b, self.a, self.alignment.inverse, lost=lost)
-
-    @property
-    def back(self) -> Mapping[str, str]:
-        """Joint of B -> joint of A."""
-        return {partner.name: name for name, partner in self.joints.items()}
-
-    def displacement(self, near: str, far: str) -> Array:
-        """Return the displacement from A's far body to B's far body, with the near bodies aligned. Shape (4, 4)."""
-        placed = self.alignment.placed
-        return np.asarray(placed[far] @ np.linalg.inv(placed[near]))
-
-    def crosses_names(self, joint: str) -> bool:
-        """Return True if a joint of A or its partner has the name of a different joint in the other model."""
-        other = self.joints[joint].name
-        return other != joint and (joint in self.b.reading.joints or other in self.a.reading.joints)
-
-    def partner(self, joint: str) -> Partner:
-        """Return the partner of a joint of A; for an unmatched joint, the joint of B with the same name."""
-        return self.joints.get(joint, Partner(joint))
 
 
 def known_gravity(gravity: Array | None) -> Array:

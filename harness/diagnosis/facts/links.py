@@ -13,9 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, Partner, difference, step_of
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, difference, step_of
 from screwgauge.diagnosis.facts.loops import SUM, end_facts
 from screwgauge.diagnosis.machine.features import EXACT, features, gap
+from screwgauge.diagnosis.machine.pair import Pair, Partner
 from screwgauge.diagnosis.machine.placement import descend, lay
 from screwgauge.diagnosis.properties import PASSIVE, Change, unit_of
 from screwgauge.diagnosis.shares import freedom_left
@@ -30,7 +31,7 @@ BOUNDLESS = 900.0
 
 def link_facts(pair: Pair) -> Iterator[Fact]:
     """Compare all links that have a partner, from the ground outwards."""
-    for one, other in pair.alignment.links:
+    for one, other in pair.links:
         part, partner = ("/".join(link.joints or link.names) for link in (one, other))
         if one.kind != other.kind:
             yield from _kind(pair, one, other, part, partner)
@@ -77,7 +78,7 @@ def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterat
                 a, b = (x.kind, None) if side == "A" else (None, x.kind)
                 yield Fact(x.joint, "fixed", a, b, more=(link.far,))
         return
-    joints = [{j for each in links for j in each.joints} for links in zip(*pair.alignment.links, strict=True)]
+    joints = [{j for each in links for j in each.joints} for links in zip(*pair.links, strict=True)]
     covered = all({*machine.reading.joints} == names for machine, names in zip((pair.a, pair.b), joints, strict=True))
     looped = not (one.joints and other.joints) and covered
     alike = looped and freedom_left(pair.a.reading) == freedom_left(pair.b.reading)
@@ -88,7 +89,7 @@ def _match_joints(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element,
     """Match joints of two links of different kinds that have equal axes, in order."""
     if len(one.elements) == len(other.elements):
         return
-    left, T = [*other.elements], pair.alignment.placed[one.near]
+    left, T = [*other.elements], pair.placed[one.near]
     for x in (x for x in one.elements if x.joint):
         for i, y in enumerate(left):
             if y.joint and np.linalg.norm(gap(x, y.placed(T), pair.a.length)) < EXACT:
@@ -134,17 +135,13 @@ def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 def _displacement(pair: Pair, one: Link, other: Link) -> Array:
     """Return the displacement from A's far body to B's far body, with open loops closed at the link."""
     D = pair.displacement(one.near, one.far)
-    D = (
-        D
-        if other.step is None
-        else pair.alignment.placed[one.far] @ other.step @ np.linalg.inv(pair.alignment.placed[one.near])
-    )
+    D = D if other.step is None else pair.placed[one.far] @ other.step @ np.linalg.inv(pair.placed[one.near])
     return D if one.step is None else np.asarray(np.linalg.inv(one.step) @ D)
 
 
 def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
     """Return the sense of each joint of B relative to its partner: 1 or -1."""
-    R = pair.alignment.placed[one.near if one.elements[0].turned else one.far][:3, :3]
+    R = pair.placed[one.near if one.elements[0].turned else one.far][:3, :3]
     return [
         (1.0 if x.direction @ (R @ y.direction) >= 0.0 else -1.0) * (-1.0 if x.turned != y.turned else 1.0)
         for x, y in zip(one.elements, other.elements, strict=True)
@@ -333,7 +330,7 @@ def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Element, 
     """Yield features of a link whose locations on a body and on its partner differ, and the distance between them."""
     for body, there in ((one.near, other.near), (one.far, other.far)):
         for x, y in zip(features(one, body), features(other, there), strict=False):
-            y = y.placed(pair.alignment.placed[body])
+            y = y.placed(pair.placed[body])
             size = float(np.linalg.norm(gap(x, y, pair.a.length)))
             if size > SUM * TOLERANCE:
                 yield body, x, y, size

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from screwgauge.diagnosis.amounts import join
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, difference
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, difference
 from screwgauge.diagnosis.machine.alignment import assign
 from screwgauge.diagnosis.machine.features import EXACT, features, gap
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.machine import Element, Link, Machine
 from screwgauge.models.matter import displace
@@ -42,7 +43,7 @@ def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
     """Pair closures of two elements by name if possible, or else by the distances between their points."""
     if {*x.closures} == {*y.closures}:
         return {name: name for name in x.closures}
-    T = pair.alignment.placed[pair.a.part_of(_first_end(pair.a, x.closures[0])[0])]
+    T = pair.placed[pair.a.part_of(_first_end(pair.a, x.closures[0])[0])]
     points = [[_first_end(m, name)[1] for name in e.closures] for m, e in ((pair.a, x), (pair.b, y))]
     moved = [T[:3, :3] @ point + T[:3, 3] for point in points[1]]
     cost = np.array([[float(np.linalg.norm(p - q)) for q in moved] for p in points[0]])
@@ -61,11 +62,11 @@ def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
     known = {pair.a.part_of(end): (end, frame) for end, frame in a.ends(name)}
     derived = a.closures[name].derived and b.closures[partner].derived
     for k, (end, frame) in enumerate(b.ends(partner)):
-        body = next((n for n, o in pair.alignment.bodies.items() if o == pair.b.part_of(end)), "")
+        body = next((n for n, o in pair.bodies.items() if o == pair.b.part_of(end)), "")
         if body not in known or (k == 1 and derived):
             continue
         own, here = known[body]
-        there = pair.alignment.placed[body] @ frame
+        there = pair.placed[body] @ frame
         way = there[:3, 3] - here[:3, 3]
         size = float(np.linalg.norm(way)) / pair.a.length
         if size > SUM * TOLERANCE:
@@ -190,7 +191,7 @@ def _size(function: PolynomialSum) -> float:
 
 def _free_zeros(machine: Machine, pair: Pair) -> set[str]:
     """Return hinges whose zero position is unobservable because one of their bodies is round."""
-    links = [one for one, _ in pair.alignment.links if len(one.elements) == 1 or one.kind == "C"]
+    links = [one for one, _ in pair.links if len(one.elements) == 1 or one.kind == "C"]
     return {x.joint for link in links for x in link.elements if x.joint and _is_round(machine, link, x)}
 
 
@@ -233,7 +234,7 @@ def softness_facts(pair: Pair) -> Iterator[Fact]:
 def _closure_partners(pair: Pair) -> dict[str, str]:
     """Pair closures of A and B: closures of a link by their points, welds by name."""
     found: dict[str, str] = {}
-    for one, other in pair.alignment.links:
+    for one, other in pair.links:
         for x, y in zip(one.elements, other.elements, strict=False):
             if len(x.closures) == len(y.closures):
                 found.update(closure_names(pair, x, y))

@@ -9,10 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Kind, Pair, difference
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Kind, difference
 from screwgauge.diagnosis.facts.links import remainder_of, steps_of
 from screwgauge.diagnosis.facts.loops import SUM
 from screwgauge.diagnosis.machine.alignment import Names, align
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.machine.placement import Believed
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.content import OTHER, Content, kinds
@@ -31,20 +32,19 @@ def pair_machines(a: Machine, b: Machine, names: Names, believed: Believed) -> P
     lost = list[Fact]()
     if names.bodies:
         a, b, lost = _fuse_by_names(a, b)
-    pair = Pair(a, b, align(a, b, names.joints, names.bodies, believed))
+    pair = align(a, b, names.joints, names.bodies, believed)
     while (found := next(_hidden_links(pair), None)) is not None:
         side, link = found
         lost.append(_lost_link(side, "fixed", link, (link.far,)))
-        a, b = (fuse(pair.a, link), pair.b) if side == "A" else (pair.a, fuse(pair.b, link))
-        pair = Pair(a, b, pair.alignment.fuse(link, side))
+        pair = pair.fuse(link, side)
     return replace(pair, lost=tuple(lost))
 
 
 def _hidden_links(pair: Pair) -> Iterator[tuple[str, Link]]:
     """Find links to unmatched bodies whose mass is contained in the partner of their neighbour."""
     for side, each in (("A", pair), ("B", pair.inverse)):
-        partners = each.alignment.bodies
-        for link in (end for one in each.alignment.only_a for end in (one, one.reversed())):
+        partners = each.bodies
+        for link in (end for one in each.only_a for end in (one, one.reversed())):
             if link.far in partners or link.near not in partners or link.near == GROUND:
                 continue
             bare, more = (each.a.bodies[name].matter.mass for name in (link.near, link.far))
@@ -125,9 +125,9 @@ def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mappin
 def structure_facts(pair: Pair) -> Iterator[Fact]:
     """Yield parts that only one model has: joints that the other model fixes, subtrees, links between paired bodies."""
     yield from pair.lost
-    for side, links in (("A", pair.alignment.only_a), ("B", pair.alignment.only_b)):
+    for side, links in (("A", pair.only_a), ("B", pair.only_b)):
         machine = pair.a if side == "A" else pair.b
-        known = {*pair.alignment.bodies} if side == "A" else {*pair.alignment.bodies.values()}
+        known = {*pair.bodies} if side == "A" else {*pair.bodies.values()}
         told = set[str]()
         for link in links:
             ends = {link.near, link.far} - known
@@ -247,7 +247,7 @@ def compare_content(pair: Pair) -> tuple[list[Fact], Sided, Sided]:
     a, b = pair.a.reading, pair.b.reading
     names = {
         "joints": pair.back,
-        "bodies": {other: name for name, other in pair.alignment.bodies.items()},
+        "bodies": {other: name for name, other in pair.bodies.items()},
         "actuators": {other: name for name, other in actuator_partners(pair).items()},
     }
     alike = all(name == partner.name for name, partner in pair.joints.items())

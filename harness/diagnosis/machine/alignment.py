@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
 
 from screwgauge.diagnosis.machine.features import EXACT, features, gap, misfits
+from screwgauge.diagnosis.machine.pair import Pair
 from screwgauge.diagnosis.machine.placement import Believed, distance, place_body
 from screwgauge.models.machine import Link, Machine
 from screwgauge.models.readings.reading import Reading
@@ -126,47 +127,6 @@ UNLIKE = 0.5
 DEAREST = 1e9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Alignment:
-    """The matching of bodies and links of A with bodies and links of B.
-
-    Attributes:
-        bodies: Body of A -> body of B.
-        placed: Body of A -> placement of B's world frame in A's that aligns the body's partner with it, both machines
-            at their closed poses. Shape (4, 4).
-        links: Pairs of links, each seen from the body nearer to the ground.
-        only_a, only_b: Links without a partner.
-    """
-
-    bodies: Mapping[str, str]
-    placed: Mapping[str, Array]
-    links: tuple[tuple[Link, Link], ...]
-    only_a: tuple[Link, ...]
-    only_b: tuple[Link, ...]
-
-    @property
-    def inverse(self) -> Alignment:
-        """The alignment of B with A."""
-        bodies = {other: name for name, other in self.bodies.items()}
-        ends = [(x, y) for one, other in self.links for x, y in ((one.near, other.near), (one.far, other.far))]
-        known = {other: name for name, other in ends if name in self.placed} | bodies
-        placed_ = {other: np.asarray(np.linalg.inv(self.placed[name])) for other, name in known.items()}
-        links = tuple((other, one) for one, other in self.links)
-        return Alignment(bodies, placed_, links, self.only_b, self.only_a)
-
-    def fuse(self, gone: Link, side: str) -> Alignment:
-        """Fuse an unmatched body into its neighbour."""
-        if side == "B":
-            return self.inverse.fuse(gone, "A").inverse
-        links = tuple((one.renamed(gone.far, gone.near), other) for one, other in self.links)
-        only = (one.renamed(gone.far, gone.near) for one in self.only_a)
-        return replace(self, links=links, only_a=tuple(one for one in only if one.near != one.far))
-
-    def covers(self, a: Machine, b: Machine) -> bool:
-        """Return True if every body and link has a partner."""
-        return not (self.only_a or self.only_b) and len(self.bodies) == len(a.bodies) == len(b.bodies)
-
-
 def assign(cost: Array) -> list[tuple[int, int]]:
     """Pair rows with columns at minimal total cost; use each row and column at most once.
 
@@ -197,7 +157,7 @@ def _next_links(machine: Machine, link: Link) -> list[Link]:
     return [far for far in machine.at(link.far) if {*far.names} != {*link.names}]
 
 
-def align(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed) -> Alignment:
+def align(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed) -> Pair:
     """Match all bodies and links of two machines.
 
     Args:
@@ -221,7 +181,7 @@ class _Walk:
         self.links: list[tuple[Link, Link]] = []
         self.open_a, self.open_b = list(a.links), list(b.links)
 
-    def walk(self) -> Alignment:
+    def walk(self) -> Pair:
         queue = [GROUND]
         while queue:
             near = queue.pop(0)
@@ -231,7 +191,7 @@ class _Walk:
                     self.bodies[one.far] = other.far
                     self.placed[one.far] = place_body(self.a, self.b, (one, other), self.placed[near], self.believed)
                     queue.append(one.far)
-        return Alignment(self.bodies, self.placed, tuple(self.links), tuple(self.open_a), tuple(self.open_b))
+        return Pair(self.a, self.b, self.bodies, self.placed, tuple(self.links), tuple(self.open_a), tuple(self.open_b))
 
     def _take(self, one: Link, other: Link) -> None:
         self.links.append((one, other))

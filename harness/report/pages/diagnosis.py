@@ -91,8 +91,8 @@ def _witnesses(diagnosis: Diagnosis) -> list[Row]:
 def _map(diagnosis: Diagnosis) -> list[Row]:
     pair = diagnosis.found.pair
     lines = [(name, pair.partner(name).name, how) for name, how in diagnosis.found.how.items()]
-    lines += [("/".join(link.names), "", "only in A") for link in pair.alignment.only_a]
-    lines += [("", "/".join(link.names), "only in B") for link in pair.alignment.only_b]
+    lines += [("/".join(link.names), "", "only in A") for link in pair.only_a]
+    lines += [("", "/".join(link.names), "only in B") for link in pair.only_b]
     return [dict(zip("AB", line, strict=False), by=line[2]) for line in lines]
 
 

@@ -88,7 +88,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
     )
     pair = diagnosis.found.pair  # here the difference of B as a whole is undone
     one, two = _in_one_pose(diagnosis)
-    placement = pair.alignment.placed.get(GROUND, np.eye(4))
+    placement = pair.placed.get(GROUND, np.eye(4))
     sides = (
         DrawnMachine(_title("A", diagnosis.a), one, np.eye(4), ours),
         DrawnMachine(_title("B", diagnosis.b), two, placement, theirs),
