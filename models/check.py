@@ -19,6 +19,7 @@ from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import (
     FREE,
+    OWN,
     ActuatorReading,
     BodyReading,
     ClosureReading,
@@ -305,7 +306,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
     bodies, fixed, closures = _merge_links(mechanism, bodies, closure_readings(tree.closures))
     return Reading(
         name=mechanism.name,
-        library="screwgauge",
+        library=OWN,
         bodies=bodies,
         joints=joints,
         fixed=fixed,
@@ -322,17 +323,14 @@ def _merge_links(
     """Merge the links of fixed joints into bodies; return bodies, links fixed to the ground, and closures."""
     if len(mechanism.moving) == len(mechanism.coordinates):
         return links, {}, closures
-    assembly = assemble(
-        {name: replace(link, near=link.near if link.near != GROUND else "") for name, link in links.items()},
-        mechanism.where,
-    )
-    places = {GROUND: (GROUND, np.eye(4)), **assembly.places}
+    below = {name: replace(link, near=link.near if link.near != GROUND else "") for name, link in links.items()}
+    merged = assemble(below, {}, mechanism.where, name=mechanism.name, library=OWN)
     moved = {}
     for name, one in closures.items():
-        (first, T1), (second, T2) = places[one.first], places[one.second]
+        (first, T1), (second, T2) = merged.end_on(one.first), merged.end_on(one.second)
         A, B = T1 @ one.first_frame, T2 @ one.second_frame
         moved[name] = replace(one, first=first, second=second, first_frame=A, second_frame=B)
-    return assembly.bodies, assembly.fixed, moved
+    return dict(merged.bodies), dict(merged.fixed), moved
 
 
 def with_limits(reading: Reading, mechanism: Mechanism) -> Reading:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 
@@ -15,25 +16,9 @@ from screwgauge.models.poses import screw
 from screwgauge.models.readings.reading import BARE, BodyReading, CouplingReading, JointReading, Reading
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Assembly:
-    """Links merged into bodies.
-
-    Attributes:
-        bodies: See `Reading.bodies`.
-        fixed: See `Reading.fixed`.
-        places: Link -> body (or ground) that contains the link, and frame of the link in that body. Shape (4, 4).
-    """
-
-    bodies: dict[str, BodyReading]
-    fixed: dict[str, Array]
-    places: Mapping[str, tuple[str, Array]]
-
-
-def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
+def assemble(links: Mapping[str, BodyReading], joints: Mapping[str, JointReading], where: str, **rest: Any) -> Reading:
     """Merge links that cannot move relative to each other.
 
     A body is named after its link with mass nearest to the ground, or after its first link if all links are massless.
@@ -41,6 +26,7 @@ def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
 
     Args:
         links: Links by name, parents first.
+        rest: Further fields of the `Reading`.
 
     Raises:
         ModelFileError: A moving body has the name of the ground.
@@ -52,20 +38,19 @@ def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
         at[name] = key, far
         groups.setdefault(key, []).append((far, name))
     fixed = {name: links[name].pose for _, name in groups.pop("")}
-    places = {name: (GROUND, pose) for name, pose in fixed.items()}
+    owner = dict.fromkeys(fixed, GROUND)
     bodies: dict[str, BodyReading] = {}
     for first, group in groups.items():
         ordered = {name: links[name] for _, name in sorted(group)}
         named = next((name for name, link in ordered.items() if link.mass), next(iter(ordered)))
         if named == GROUND:
             raise ModelFileError(f"a moving body is called '{GROUND}'", where, "rename it")
-        near = places[links[first].near][0] if links[first].near else GROUND
+        near = owner[links[first].near] if links[first].near else GROUND
         bodies[named] = replace(
             _merge(named, ordered), near=near, joints=links[first].joints, first="" if named == first else first
         )
-        places |= {name: (named, T) for name, T in bodies[named].fixed.items()}
-        places[named] = named, np.eye(4)
-    return Assembly(bodies, fixed, places)
+        owner |= dict.fromkeys(ordered, named)
+    return Reading(bodies=bodies, joints=joints, fixed=fixed, **rest)
 
 
 def _merge(named: str, links: Mapping[str, BodyReading]) -> BodyReading:
@@ -176,10 +161,10 @@ def _weld(reading: Reading, names: list[str], where: str) -> Reading:
     couplings = {key: _hold(reading, coupling, names) for key, coupling in reading.couplings.items()}
     for name in names:
         reading = _replace_joint(reading, name, {})
-    assembly = assemble(dict(_links(reading)), where)
+    merged = assemble(dict(_links(reading)), reading.joints, where, name=reading.name, library=reading.library)
     if not reading.joints:
         raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave at least one free")
-    return replace(reading, bodies=assembly.bodies, fixed={**reading.fixed, **assembly.fixed}, couplings=couplings)
+    return replace(reading, bodies=merged.bodies, fixed={**reading.fixed, **merged.fixed}, couplings=couplings)
 
 
 def _hold(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from screwgauge.models.readings.assemble import Assembly, assemble
+from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.pinocchio import elementary, joint_reading, placements, start
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
 from screwgauge.reference.errors import DescriptionError, ModelFileError, shown
-from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
 #: Constraint class, or, before Pinocchio 4, type of the only constraint class -> kind of closure.
@@ -58,20 +58,19 @@ def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: s
         )
         for i, name in names.items()
     }
-    assembly = assemble(links, where)
-    named = {getattr(one, "name", "") or f"loop{k + 1}": one for k, one in enumerate(constraints)}
-    closures = {name: _closure(one, assembly, names, where) for name, one in named.items()}
-    return Reading(
+    reading = assemble(
+        links,
+        {part.name: joint_reading(model, placed[part.joint], part, J[:, part.v], at) for part in parts},
+        where,
         name=model.name or "model",
         library="pinocchio",
-        bodies=assembly.bodies,
-        joints={part.name: joint_reading(model, placed[part.joint], part, J[:, part.v], at) for part in parts},
-        closures=closures,
         gravity=np.array(model.gravity.linear),
     )
+    named = {getattr(one, "name", "") or f"loop{k + 1}": one for k, one in enumerate(constraints)}
+    return replace(reading, closures={name: _closure(one, reading, names, where) for name, one in named.items()})
 
 
-def _closure(one: Any, assembly: Assembly, names: dict[int, str], where: str) -> ClosureReading:
+def _closure(one: Any, reading: Reading, names: dict[int, str], where: str) -> ClosureReading:
     """Convert a constraint between frames of two joints; joint 0 is the ground."""
     kind = _CLOSURES.get(type(one).__name__) or _CLOSURES.get(getattr(getattr(one, "type", None), "name", ""))
     if kind is None:
@@ -79,6 +78,6 @@ def _closure(one: Any, assembly: Assembly, names: dict[int, str], where: str) ->
         raise ModelFileError(f"constraint {shown(one)} is not a supported closure of a loop", where, remedy)
     ends = []
     for joint, placement in ((one.joint1_id, one.joint1_placement), (one.joint2_id, one.joint2_placement)):
-        body, T = assembly.places[names[joint]] if joint else (GROUND, np.eye(4))
+        body, T = reading.end_on(names[joint] if joint else "")
         ends.append((body, T @ placement.homogeneous))
     return ClosureReading(kind, *ends[0], *ends[1])

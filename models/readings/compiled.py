@@ -11,8 +11,7 @@ import numpy as np
 
 from screwgauge.models.content import Content, Kind, Values, kinds, table
 from screwgauge.models.mjcf import POWERS, without_stand_ins
-from screwgauge.models.readings.assemble import Assembly
-from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.models.readings.reading import CouplingReading, Reading
 from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
@@ -102,16 +101,16 @@ _PULLS = (
 )
 
 
-def content(model: Any, assembly: Assembly) -> Iterator[Content]:
+def content(model: Any, reading: Reading) -> Iterator[Content]:
     """Yield the content of a compiled model that its reading lacks; content of joints comes first."""
     for kind in kinds().values():
         if kind.of == "joint":
             yield from _of_joints(model, kind)
     yield from _tendons(model)
     yield from _actuators(model)
-    yield from _pairs(model, assembly)
+    yield from _pairs(model, reading)
     yield from _options(model)
-    yield from _uneven_compensation(model, assembly)
+    yield from _uneven_compensation(model, reading)
     yield from _mocap_bodies(model)
     if model.nflex:
         yield Content("flexible bodies", "flexible bodies", f" ({model.nflex})")
@@ -258,12 +257,12 @@ def _actuators(model: Any) -> Iterator[Content]:
             yield Content("actuators of other transmissions", f"actuator {name}, which drives no joint")
 
 
-def _pairs(model: Any, assembly: Assembly) -> Iterator[Content]:
+def _pairs(model: Any, reading: Reading) -> Iterator[Content]:
     kind = kinds()["contact pairs"]
     arrays = kind.arrays[2:]  # without the geom indices
     for i in range(model.npair):
         bodies = [model.geom_bodyid[geom] for geom in (model.pair_geom1[i], model.pair_geom2[i])]
-        names = sorted(assembly.places[model.body(b).name][0] if b else GROUND for b in bodies)
+        names = sorted(reading.end_on(model.body(b).name if b else "")[0] for b in bodies)
         of = tuple(("bodies", name, 1.0) for name in names)
         yield Content(kind.name, "contact pair", f" of {names[0]} and {names[1]}", of, _numbers(model, arrays, i))
 
@@ -288,13 +287,13 @@ def _options(model: Any) -> Iterator[Content]:
         yield from (Content(what, what, f" of body {name}") for name in sorted(bodies))
 
 
-def _uneven_compensation(model: Any, assembly: Assembly) -> Iterator[Content]:
+def _uneven_compensation(model: Any, reading: Reading) -> Iterator[Content]:
     """Yield the bodies whose parts have different compensated shares of their weight."""
     shares_of_weight: dict[str, set[float]] = {}
     masses, _ = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
         if masses[i]:
-            body = assembly.places[model.body(i).name][0]
+            body = reading.end_on(model.body(i).name)[0]
             shares_of_weight.setdefault(body, set()).add(float(model.body_gravcomp[i]))
     for name, values in shares_of_weight.items():
         if len(values) > 1 and name != GROUND:

@@ -17,7 +17,7 @@ import numpy as np
 from screwgauge.models.kinematics import displace_joint
 from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.poses import screw
-from screwgauge.models.readings.assemble import Assembly, assemble
+from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.reading import (
     OWN,
     BodyReading,
@@ -167,17 +167,16 @@ def read_graph(
             copy = replace(link(NOTHING, pose), near=joint.parent, joints=tuple(freedoms))
             tree[end], moving = replace(copy, copy_of=joint.child or GROUND), moving | freedoms
         welds[f"{name}.loop"] = joint.child, end, pose
-    assembly = assemble(tree, where)
-    return Reading(
+    reading = assemble(
+        tree,
+        _align(moving, rounding),
+        where,
         library=OWN,
-        bodies=assembly.bodies,
-        joints=_align(moving, rounding),
-        fixed=assembly.fixed,
-        closures={name: _weld(assembly, *ends) for name, ends in welds.items()},
         couplings=dict(_couplings(mimics, joints, where)),
         frames={n: joint.child for n, joint in joints.items() if not (joint.freedoms or n in links)},
         **rest,
     )
+    return replace(reading, closures={name: _weld(reading, *ends) for name, ends in welds.items()})
 
 
 def _free_name(name: str, names: Collection[str]) -> str:
@@ -205,10 +204,10 @@ def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, Joi
     return aligned
 
 
-def _weld(assembly: Assembly, child: str, end: str, pose: Array) -> ClosureReading:
+def _weld(reading: Reading, child: str, end: str, pose: Array) -> ClosureReading:
     """Weld a child, at the pose that a loop-closing joint requires, to the end of that joint."""
-    (body, F), (other, _) = (assembly.places[name] if name else (GROUND, np.eye(4)) for name in (child, end))
-    at = np.eye(4) if other == GROUND else assembly.bodies[other].pose
+    (body, F), (other, _) = map(reading.end_on, (child, end))
+    at = np.eye(4) if other == GROUND else reading.bodies[other].pose
     return ClosureReading("weld", body, F, other, np.linalg.inv(at) @ pose)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.models.content import Content
 from screwgauge.models.mjcf import POWERS, mass_properties
 from screwgauge.models.poses import matrix, screw
-from screwgauge.models.readings.assemble import Assembly, assemble
+from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.compiled import (
     collect_phrases,
     compile_text,
@@ -33,7 +33,6 @@ from screwgauge.models.readings.reading import (
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import read_file
-from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
 #: Kinds of joints, in the order of MuJoCo's enumeration.
@@ -60,25 +59,22 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
             if is_single(model, i):
                 data.qpos[at] = home.get(model.joint(i).name, model.qpos0[at])
         mujoco.mj_kinematics(model, data)
-    assembly = assemble(dict(_links(model, data, source.root_link)), str(source.path))
-    unread = [Content("warnings of the library", text, values=()) for text in warnings]
-    unread += content(model, assembly)
-    closures, couplings = _equalities(model, assembly, unread)
     says_gravity = source.form == "mjcf" or source.root.find("mujoco/option") is not None
     gravity = np.zeros(3) if is_disabled(model, "GRAVITY") else model.opt.gravity.copy()
-    return Reading(
+    reading = assemble(
+        dict(_links(model, data, source.root_link)),
+        {model.joint(i).name: _joint(model, data, i) for i in range(model.njnt)},
+        str(source.path),
         name=source.name,
         library="mujoco",
-        bodies=assembly.bodies,
-        joints={model.joint(i).name: _joint(model, data, i) for i in range(model.njnt)},
-        fixed=assembly.fixed,
-        closures=closures,
-        couplings=couplings,
         actuators=_actuators(model),
         gravity=gravity if says_gravity else None,
         medium=(float(model.opt.density), float(model.opt.viscosity)),
-        content=tuple(unread),
     )
+    unread = [Content("warnings of the library", text, values=()) for text in warnings]
+    unread += content(model, reading)
+    closures, couplings = _equalities(model, reading, unread)
+    return replace(reading, closures=closures, couplings=couplings, content=tuple(unread))
 
 
 def load_mujoco(source: Source) -> Any:
@@ -163,7 +159,7 @@ def _joint(model: Any, data: Any, i: int) -> JointReading:
 
 
 def _equalities(
-    model: Any, assembly: Assembly, unread: list[Content]
+    model: Any, reading: Reading, unread: list[Content]
 ) -> tuple[dict[str, ClosureReading], dict[str, CouplingReading]]:
     """Return closures and couplings; add all other equalities to `unread`."""
     closures, couplings = {}, {}
@@ -176,7 +172,7 @@ def _equalities(
         elif coupling := coupling_reading(model, i):
             couplings[name] = replace(coupling, softness=_softness(model, i))
         elif kind in (_CONNECT, _WELD):
-            sides = _sides(model, i, assembly)
+            sides = _sides(model, i, reading)
             joint = "weld" if kind == _WELD else "point"
             derived = kind == _CONNECT and model.eq_objtype[i] == _BODY
             closures[name] = ClosureReading(joint, *sides[0], *sides[1], _softness(model, i), derived)
@@ -191,7 +187,7 @@ def _softness(model: Any, i: int) -> tuple[float, ...]:
     return (*model.eq_solref[i].tolist(), *model.eq_solimp[i].tolist(), *scale)
 
 
-def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
+def _sides(model: Any, i: int, reading: Reading) -> list[tuple[str, Array]]:
     """Return the two bodies of an equality, each with the frame of the equality in that body.
 
     MuJoCo computes the second anchor of a connect at qpos0. For a weld, it stores the anchor in the second body, and
@@ -210,7 +206,7 @@ def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
         frames = [matrix(kept[:3], np.eye(3)), matrix(kept[3:6], np.eye(3))]
     sides = []
     for body, frame in zip((first, second), frames, strict=True):
-        whole, T = assembly.places[model.body(body).name] if body else (GROUND, np.eye(4))
+        whole, T = reading.end_on(model.body(body).name if body else "")
         sides.append((whole, T @ frame))
     return sides
 

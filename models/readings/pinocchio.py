@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -18,7 +18,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.readings.assemble import Assembly, assemble
+from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
@@ -84,19 +84,21 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
             value = home[part.name]
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
     placed, J = placements(model, q)
-    assembly = assemble(dict(_links(model, placed, parts)), str(source.path))
-    phrases = [*_planar_axes(source), *_ignored_quaternions(source)] if source.form == "urdf" else []
-    unread = [Content("read otherwise by the library", text, values=()) for text in phrases]
-    return Reading(
+    reading = assemble(
+        dict(_links(model, placed, parts)),
+        {part.name: joint_reading(model, placed[part.joint], part, J[:, part.v], home) for part in parts},
+        str(source.path),
         name=source.name,
         library="pinocchio",
-        bodies=assembly.bodies,
-        joints={part.name: joint_reading(model, placed[part.joint], part, J[:, part.v], home) for part in parts},
-        fixed=assembly.fixed,
-        closures=closures(model, assembly, source.root, unread) if source.form == "mjcf" else {},
         couplings=source.mimics,
-        gravity=np.array(model.gravity.linear) if source.form == "mjcf" else None,
-        content=tuple(unread),
+    )
+    if source.form == "mjcf":
+        unread = list[Content]()
+        closed = closures(model, reading, source.root, unread)
+        return replace(reading, closures=closed, gravity=np.array(model.gravity.linear), content=tuple(unread))
+    phrases = (*_planar_axes(source), *_ignored_quaternions(source))
+    return replace(
+        reading, content=tuple(Content("read otherwise by the library", text, values=()) for text in phrases)
     )
 
 
@@ -324,7 +326,7 @@ def _number_closures(root: ET.Element, known: Collection[str], unread: list[Cont
     return named
 
 
-def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Content]) -> dict[str, ClosureReading]:
+def closures(model: Any, reading: Reading, root: ET.Element, unread: list[Content]) -> dict[str, ClosureReading]:
     """Read the closures of an MJCF, by name.
 
     Pinocchio 4.1 crashes on closures of dropped bodies, and reads the placement of sites on fixed bodies from
@@ -353,7 +355,7 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Cont
     at = {0: (GROUND, np.eye(4))}  # joint -> body that it carries, and its frame in that body
     for frame in model.frames:
         if frame.type == pinocchio.FrameType.BODY and frame.parentJoint not in at:
-            body, T = assembly.places[frame.name]
+            body, T = reading.end_on(frame.name)
             at[frame.parentJoint] = body, T @ np.linalg.inv(frame.placement.homogeneous)
     closed = {}
     for (kind, name), c in zip(named, constraints, strict=True):

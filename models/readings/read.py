@@ -51,15 +51,8 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
         raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "correct the file") from None
     if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
         raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", where, "choose another library")
-    assembly = assemble(dict(_links(robot)), where)
-    return Reading(
-        name=source.name,
-        library="yourdfpy",
-        bodies=assembly.bodies,
-        joints=joints,
-        fixed=assembly.fixed,
-        couplings=source.mimics,
-    )
+    rest = {"name": source.name, "library": "yourdfpy", "couplings": source.mimics}
+    return assemble(dict(_links(robot)), joints, where, **rest)
 
 
 def _without_mimics(root: ET.Element) -> bytes:

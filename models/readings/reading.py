@@ -210,6 +210,10 @@ class Reading:
                 return whole, np.eye(4) if link == whole else body.fixed[link]
         return None
 
+    def end_on(self, link: str) -> tuple[str, Array]:
+        """Return the body (or ground) that contains a link, with its frame there; the ground for an empty name."""
+        return self._place(link) or (GROUND, np.eye(4))
+
     def has_link(self, name: str) -> bool:
         """Return True if a link with that name exists."""
         return self._place(name) is not None
