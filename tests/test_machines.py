@@ -36,7 +36,7 @@ def test_every_cut_and_format_of_a_mechanism_is_one_machine(name, tmp_path):
         assert "".join(sorted(link.kind for link in machine.links)) == LINKS[name]
     for a, b in combinations(machines, 2):
         found = align(a, b, {}, {}, BELIEVED[0])
-        assert found.covers(a, b)
+        assert found.complete
         for pair in found.bodies.items():
             assert misfits(a, b, pair, found.placed[pair[0]]).max() < SAME
 
