@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeVar
@@ -48,8 +48,6 @@ INERTIA_TOLERANCE = 5e-14
 class CheckRow:
     """A compared property. `difference` has the scale of `tolerance`; it is NaN for names."""
 
-    file: str
-    reading: str
     item: str
     what: str
     expected: str
@@ -57,134 +55,133 @@ class CheckRow:
     difference: float
     tolerance: float
     ok: bool
+    file: str = ""
+    reading: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ModelComparison:
-    """The rows of one file and reading, collected while they are compared."""
+def _names(item: str, what: str, expected: object, actual: object) -> CheckRow:
+    """Compare names or texts."""
+    return CheckRow(item, what, str(expected), str(actual), math.nan, 0.0, expected == actual)
 
-    file: str
-    reading: str
-    rows: list[CheckRow] = field(default_factory=list)
 
-    def names(self, item: str, what: str, expected: object, actual: object) -> None:
-        self._add(item, what, (str(expected), str(actual)), math.nan, 0.0, expected == actual)
+def _numbers(
+    item: str, what: str, expected: Array, actual: Array, scale: float = 1.0, tolerance: float = TOLERANCE
+) -> CheckRow:
+    """Compare numbers relative to a scale."""
+    # the condition treats NaN as a difference
+    difference = float(np.abs(expected - actual).max()) / scale
+    return CheckRow(item, what, _short(expected), _short(actual), difference, tolerance, difference <= tolerance)
 
-    def numbers(
-        self, item: str, what: str, expected: Array, actual: Array, scale: float = 1.0, tolerance: float = TOLERANCE
-    ) -> None:
-        # the condition treats NaN as a difference
-        difference = float(np.abs(expected - actual).max()) / scale
-        self._add(item, what, (_short(expected), _short(actual)), difference, tolerance, difference <= tolerance)
 
-    def both(self, what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
-        """Add a row for the names of one kind of item; return the items that are present in both."""
-        self.names("", f"{what} names", sorted(expected), sorted(actual))
-        return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
+def _keys(what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> CheckRow:
+    """Compare the names of one kind of item."""
+    return _names("", f"{what} names", sorted(expected), sorted(actual))
 
-    def _add(
-        self, item: str, what: str, values: tuple[str, str], difference: float, tolerance: float, ok: bool
-    ) -> None:
-        self.rows.append(CheckRow(self.file, self.reading, item, what, *values, difference, tolerance, ok))
+
+def _common(expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
+    """Return the items that are present in both."""
+    return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 
 
 def _short(values: Array) -> str:
     return " ".join(f"{value:.9g}" for value in np.ravel(values))
 
 
-def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
-    """Add rows for all properties of a reading."""
+def compare_readings(expected: Reading, actual: Reading, mechanism: Mechanism) -> Iterator[CheckRow]:
+    """Compare all properties of a reading."""
     length = length_scale(mechanism)
     actual = collapse(actual, keep=expected.bodies)  # a URDF splits a composite joint
-    bodies = out.both("body", expected.bodies, actual.bodies)
-    joints = out.both("coordinate", expected.joints, actual.joints)
-    out.numbers("", "total mass", np.array([expected.mass]), np.array([actual.mass]), mechanism.mass)
-    _compare_bodies(out, bodies, length, mechanism.mass)
-    for name, want, have in joints:
+    yield _keys("body", expected.bodies, actual.bodies)
+    yield _keys("coordinate", expected.joints, actual.joints)
+    yield _numbers("", "total mass", np.array([expected.mass]), np.array([actual.mass]), mechanism.mass)
+    yield from _compare_bodies(_common(expected.bodies, actual.bodies), length, mechanism.mass)
+    for name, want, have in _common(expected.joints, actual.joints):
         scale = np.repeat([1.0, length], 3) if want.screw[:3].any() else np.ones(6)
-        out.numbers(name, "joint axis at home", want.screw / scale, have.screw / scale)
+        yield _numbers(name, "joint axis at home", want.screw / scale, have.screw / scale)
         # a run measures excess amounts in the file; URDF lacks an element for rotors
         amounts = {"rotor": "armature"} if actual.form != "urdf" else {}
         for what, key in (amounts | {"damping": "damping", "friction": "friction"}).items():
             if amount := getattr(want, key):
-                out.numbers(name, what, np.array([amount]), np.array([min(getattr(have, key), amount)]), amount)
+                yield _numbers(name, what, np.array([amount]), np.array([min(getattr(have, key), amount)]), amount)
     if actual.gravity is None or expected.gravity is None:
         return
     size = float(np.linalg.norm(expected.gravity)) or 9.81
-    out.numbers("", "gravity", expected.gravity, actual.gravity, size)
-    out.names("", "actuators", dict(expected.actuators), dict(actual.actuators))
-    for name, shut, otherwise in out.both("closure", expected.closures, actual.closures):
-        _compare_closures(out, name, shut, otherwise, length)
-    _compare_couplings(out, expected.couplings, actual.couplings)
+    yield _numbers("", "gravity", expected.gravity, actual.gravity, size)
+    yield _names("", "actuators", dict(expected.actuators), dict(actual.actuators))
+    yield _keys("closure", expected.closures, actual.closures)
+    for name, shut, otherwise in _common(expected.closures, actual.closures):
+        yield from _compare_closures(name, shut, otherwise, length)
+    yield from _compare_couplings(expected.couplings, actual.couplings)
 
 
 def _compare_couplings(
-    out: ModelComparison, expected: Mapping[str, CouplingReading], actual: Mapping[str, CouplingReading]
-) -> None:
+    expected: Mapping[str, CouplingReading], actual: Mapping[str, CouplingReading]
+) -> Iterator[CheckRow]:
     if not (expected or actual):
         return
-    for name, want, written in out.both("coupling", expected, actual):
+    yield _keys("coupling", expected, actual)
+    for name, want, written in _common(expected, actual):
         have = written.solved(want.joint)
-        out.names(name, "coupling", *((each.joint, *sorted(each.function.terms)) for each in (want, have)))
+        yield _names(name, "coupling", *((each.joint, *sorted(each.function.terms)) for each in (want, have)))
         wanted, other = want.function.beside(have.function)
-        out.numbers(name, "coupling polynomial", wanted, other, float(np.abs(wanted).max()) or 1.0)
+        yield _numbers(name, "coupling polynomial", wanted, other, float(np.abs(wanted).max()) or 1.0)
 
 
-def _compare_closures(
-    out: ModelComparison, name: str, want: ClosureReading, have: ClosureReading, length: float
-) -> None:
+def _compare_closures(name: str, want: ClosureReading, have: ClosureReading, length: float) -> Iterator[CheckRow]:
     if (have.first, have.second) == (want.second, want.first):  # the order of the sides does not matter
         have = ClosureReading(have.kind, have.second, have.second_frame, have.first, have.first_frame)
     bodies = ((closure.kind, closure.first, closure.second) for closure in (want, have))
-    out.names(name, "closure bodies", *bodies)
+    yield _names(name, "closure bodies", *bodies)
     metres = np.array([1.0, 1.0, 1.0, length])
     frames = [np.array([closure.first_frame, closure.second_frame]) / metres for closure in (want, have)]
-    out.numbers(name, "closure frames", *frames)
+    yield _numbers(name, "closure frames", *frames)
 
 
 def _compare_bodies(
-    out: ModelComparison, pairs: list[tuple[str, BodyReading, BodyReading]], length: float, total: float
-) -> None:
+    pairs: list[tuple[str, BodyReading, BodyReading]], length: float, total: float
+) -> Iterator[CheckRow]:
     for name, want, have in pairs:
-        out.names(name, "parent and joints", (want.near, *want.joints), (have.near, *have.joints))
-        out.numbers(name, "mass", np.array([want.mass]), np.array([have.mass]), want.mass or total)
+        yield _names(name, "parent and joints", (want.near, *want.joints), (have.near, *have.joints))
+        yield _numbers(name, "mass", np.array([want.mass]), np.array([have.mass]), want.mass or total)
         if want.mass:
-            out.numbers(name, "centre of mass", want.com, have.com, length)
+            yield _numbers(name, "centre of mass", want.com, have.com, length)
             # a point mass has no moments of inertia, so mass and mechanism length define the scale
             scale = float(np.abs(want.inertia).max()) or want.mass * length**2
-            out.numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
+            yield _numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
         metres = np.array([1.0, 1.0, 1.0, length])
-        out.numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
+        yield _numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
 
 
-def compare_loops(out: ModelComparison, expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> None:
-    """Add rows for all properties of a loops file."""
+def compare_loops(expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> Iterator[CheckRow]:
+    """Compare all properties of a loops file."""
     length = length_scale(mechanism)
     for what in ("mechanism", "cut"):
-        out.names("", what, getattr(expected, what), getattr(actual, what))
+        yield _names("", what, getattr(expected, what), getattr(actual, what))
     for what in ("bodies", "tree"):  # in any order
-        out.names("", what, sorted(getattr(expected, what)), sorted(getattr(actual, what)))
-    out.names("", "independent", dict(expected.independent), dict(actual.independent))
-    out.names("", "spherical_axial", *(axial and axial[0] for axial in (expected.axial, actual.axial)))
+        yield _names("", what, sorted(getattr(expected, what)), sorted(getattr(actual, what)))
+    yield _names("", "independent", dict(expected.independent), dict(actual.independent))
+    yield _names("", "spherical_axial", *(axial and axial[0] for axial in (expected.axial, actual.axial)))
     if expected.axial and actual.axial:
-        out.numbers("", "direction of spherical_axial", expected.axial[1], actual.axial[1])
+        yield _numbers("", "direction of spherical_axial", expected.axial[1], actual.axial[1])
     joints = [{joint.name: joint for joint in file.joints} for file in (expected, actual)]
-    for name, want, have in out.both("joint", *joints):
-        out.names(name, "joint", _joint_facts(want), _joint_facts(have))
-        out.names(name, "joint limits", want.limits.tolist(), have.limits.tolist())
+    yield _keys("joint", *joints)
+    for name, want, have in _common(*joints):
+        yield _names(name, "joint", _joint_facts(want), _joint_facts(have))
+        yield _names(name, "joint limits", want.limits.tolist(), have.limits.tolist())
         for what in RESISTS:
             one, other = getattr(want, what), getattr(have, what)
             if len(one) == len(other) and (size := max(one.max(initial=0.0), other.max(initial=0.0))):
-                out.numbers(name, what, one, other, size)
+                yield _numbers(name, what, one, other, size)
         if want.kind == have.kind:
-            out.numbers(name, "joint axes and frames", _joint_values(want, length), _joint_values(have, length))
-    _compare_couplings(out, *(couplings_of(file.couplings) for file in (expected, actual)))
+            yield _numbers(name, "joint axes and frames", _joint_values(want, length), _joint_values(have, length))
+    yield from _compare_couplings(*(couplings_of(file.couplings) for file in (expected, actual)))
     closures = [{closure.joint: closure for closure in file.closures} for file in (expected, actual)]
-    for name, shut, other in out.both("closure", *closures):
-        out.names(name, "closure", _closure_facts(shut), _closure_facts(other))
+    yield _keys("closure", *closures)
+    for name, shut, other in _common(*closures):
+        yield _names(name, "closure", _closure_facts(shut), _closure_facts(other))
         if shut.type == other.type:
             values = _closure_values(shut, length), _closure_values(other, length)
-            out.numbers(name, "closure points and frames", *values)
+            yield _numbers(name, "closure points and frames", *values)
 
 
 def _joint_facts(joint: Joint) -> tuple[object, ...]:
@@ -254,17 +251,17 @@ def check_file(
 
     If the file cannot be read or the library is missing, the result is a single row that gives the reason.
     """
-    out = ModelComparison(path.name, reader)
     home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
     try:
         if reader == "loops":
-            compare_loops(out, loops_of(mechanism, cut), read_loops(path), mechanism)
+            rows = [*compare_loops(loops_of(mechanism, cut), read_loops(path), mechanism)]
         else:
-            compare_readings(out, expected_reading(mechanism, cut, gravity), read(path, reader, home=home), mechanism)
+            expected = expected_reading(mechanism, cut, gravity)
+            rows = [*compare_readings(expected, read(path, reader, home=home), mechanism)]
     except Exception as error:  # libraries raise arbitrary exceptions for a file
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return [CheckRow(path.name, reader, "", "file", "can be read", reason, math.nan, 0.0, False)]
-    return out.rows
+        rows = [CheckRow("", "file", "can be read", reason, math.nan, 0.0, False)]
+    return [replace(row, file=path.name, reading=reader) for row in rows]
 
 
 def check_table(rows: Sequence[CheckRow]) -> str:

@@ -15,7 +15,6 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import (
     SUFFIXES,
     CheckRow,
-    ModelComparison,
     check_file,
     compare_loops,
     compare_readings,
@@ -214,11 +213,12 @@ def _extra_contents(mechanism: Mechanism, engine: Engine, model: Path, *, known:
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
     """Compare a user's description with that of the scene, ignoring their names."""
-    given, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
-    compare_loops(out, loops_of(mechanism, "full"), loops_of(given, "full"), mechanism)
+    given = replace(load_mechanism(path), name=mechanism.name)
     actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (given, mechanism))
-    compare_readings(out, expected, replace(actual, gravity=None), mechanism)
-    return out.rows
+    return [
+        *compare_loops(loops_of(mechanism, "full"), loops_of(given, "full"), mechanism),
+        *compare_readings(expected, replace(actual, gravity=None), mechanism),
+    ]
 
 
 def _deviations(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator[str]:
