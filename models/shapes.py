@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
-from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -17,7 +16,7 @@ from screwgauge.reference.applied import JointSpring, Spring
 from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.graph import layout
 from screwgauge.reference.lint import suspicious
-from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
+from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from screwgauge.reference.reciprocal import pose_joints
 from screwgauge.reference.rotations import Array
 
@@ -55,14 +54,6 @@ class Shape:
     other: int = 0
 
 
-class End(NamedTuple):
-    """A joint on a body: point in the body's frame [m], and whether the other body is ground and the joint slides."""
-
-    point: Array
-    standing: bool
-    slides: bool
-
-
 def cut_joints(mechanism: Mechanism) -> frozenset[str]:
     """Return the names of the joints that are cut in the models of the engines."""
     return frozenset(joint.name for joint in layout(mechanism).cuts)
@@ -73,26 +64,21 @@ def hardware(mechanism: Mechanism) -> list[Joint]:
     return [joint for joint in mechanism.joints if joint.name not in pose_joints(mechanism)]
 
 
-def ends(mechanism: Mechanism) -> dict[str, list[End]]:
-    """Return body -> points of its joints."""
-    ends_of: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
-    for joint in hardware(mechanism):
-        standing = GROUND in (joint.parent, joint.child)
-        for name, frame in joint.sides:
-            ends_of[name].append(End(frame.p, standing, joint.slides > 0))
-    return ends_of
+def joints_at(mechanism: Mechanism, body: str) -> list[tuple[Joint, Frame]]:
+    """Return the joints of a body with their frames in the body."""
+    return [(joint, frame) for joint in hardware(mechanism) for name, frame in joint.sides if name == body]
 
 
-def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
+def segments(body: Body, its: list[tuple[Joint, Frame]]) -> list[tuple[Array, Array]]:
     """Represent a body by line segments between its joints (a rod or plate), in the body frame [m]."""
-    apart = {tuple(np.round(end.point, 9)): end for end in its[::-1]}
-    points = [end.point for end in apart.values()]
+    apart = {tuple(np.round(frame.p, 9)): (joint, frame.p) for joint, frame in its[::-1]}
+    points = [point for _, point in apart.values()]
     if len(points) < 2:  # up to the centre of mass; twice as far if the body slides there
         start = points[0] if points else body.com
-        return [(start, 2.0 * body.com - start if any(end.slides for end in its) and len(its) > 1 else body.com)]
+        return [(start, 2.0 * body.com - start if any(joint.slides for joint, _ in its) and len(its) > 1 else body.com)]
     if len(points) == 2:
         return [(points[0], points[1])]
-    ring = [end.point for end in apart.values() if not end.standing]
+    ring = [point for joint, point in apart.values() if GROUND not in joint.bodies]
     hub = np.mean(ring or points, axis=0)
     spokes = [(hub, point) for point in points if np.linalg.norm(point - hub) > 1e-9]
     if len(ring) < 3:
@@ -109,10 +95,10 @@ def colour_of(i: int) -> str:
 
 def shapes(mechanism: Mechanism) -> list[Shape]:
     """Return the shapes of a mechanism."""
-    unit, index, points = length(layout(mechanism)), mechanism.body_index, ends(mechanism)
+    unit, index = length(layout(mechanism)), mechanism.body_index
     drawn: list[Shape] = []
     for body in mechanism.bodies:
-        drawn += _body(body, index[body.name], points[body.name], unit, colour_of(index[body.name]))
+        drawn += _body(body, index[body.name], joints_at(mechanism, body.name), unit, colour_of(index[body.name]))
     cuts = cut_joints(mechanism)
     for joint in hardware(mechanism):
         drawn += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
@@ -150,7 +136,7 @@ def springs(mechanism: Mechanism, given: Iterable[Spring]) -> list[Shape]:
 
 def _attachment(mechanism: Mechanism, body: str, point: Array, unit: float) -> Iterator[Shape]:
     """Yield the support of a spring's end: a ground symbol, or a rod to the nearest joint of the body."""
-    i, points = mechanism.body_index[body], [end.point for end in ends(mechanism)[body]]
+    i, points = mechanism.body_index[body], [frame.p for _, frame in joints_at(mechanism, body)]
     if body == GROUND:
         yield Shape("springs", "foot", i, point / unit, point / unit, JOINT, STANDING)
     elif points:
@@ -224,7 +210,7 @@ def _same_line(one: Shape, other: Shape) -> bool:
     return any(_close(np.stack([one.a, one.b]), np.stack(ends)) for ends in ((other.a, other.b), (other.b, other.a)))
 
 
-def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Iterator[Shape]:
+def _body(body: Body, i: int, its: list[tuple[Joint, Frame]], unit: float, colour: str) -> Iterator[Shape]:
     for a, b in segments(body, its):
         yield Shape("links", "rod", i, a / unit, b / unit, LINK, colour, body.name)
     for axis, tone in zip(np.eye(3), ("#D62728", "#2CA02C", "#1F77B4"), strict=True):
