@@ -2,7 +2,7 @@ import pytest
 
 from support.data import data
 from support.machines import (
-    BELIEVED,
+    Believed,
     align,
     closed,
     coordinate_placement,
@@ -33,7 +33,7 @@ def elsewhere(reading):
 def farthest(one, other):
     a, b = machine_of(one), machine_of(other)
     same = {name: name for name in one.joints if name in other.joints}
-    found = align(a, b, same, {name: name for name in one.bodies}, BELIEVED[0])
+    found = align(a, b, same, {name: name for name in one.bodies}, Believed.SIMILAR)
     pairs = [
         (ours, theirs)
         for ours, theirs in found.links

@@ -6,7 +6,7 @@ import pytest
 
 import screwgauge
 from support.command import printed_by
-from support.machines import BELIEVED, align, assign, load_side, machine_of, misfits
+from support.machines import Believed, align, assign, load_side, machine_of, misfits
 from support.mechanism import load_mechanism
 from support.models import write_models
 
@@ -35,7 +35,7 @@ def test_every_cut_and_format_of_a_mechanism_is_one_machine(name, tmp_path):
     for machine in machines:
         assert "".join(sorted(link.kind for link in machine.links)) == LINKS[name]
     for a, b in combinations(machines, 2):
-        found = align(a, b, {}, {}, BELIEVED[0])
+        found = align(a, b, {}, {}, Believed.SIMILAR)
         assert found.complete
         for pair in found.bodies.items():
             assert misfits(a, b, pair, found.placed[pair[0]]).max() < SAME

@@ -40,8 +40,6 @@ ELSEWHERE = frozenset({"placement", "axis", "end", "zero", "sign", "start", "kin
 MOST = 0.5
 #: Additional cost of a transformation of the whole machine.
 WHOLE = 0.01
-#: Assumptions about the placement of bodies, in the order in which they are tried.
-BELIEVED = Believed(), Believed(exact=1.0), Believed(exact=1.0, fits=False)
 #: Number of ground link placements that are tried as transformations of the whole.
 ROOTS = 2
 
@@ -127,7 +125,7 @@ def explain(
 def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]:
     """Yield explanations with B as it is, moved as a whole, aligned by geometry alone, or by its ground links."""
     theirs = machine_of(b)
-    for believed in BELIEVED:
+    for believed in Believed:
         yield compare_machines(a, theirs, names, believed)
     for whole in find_wholes(a.reading, b, names.joints, names.bodies):
         yield _compare_whole(a, b, whole, names)
@@ -144,10 +142,10 @@ def compare_readings(a: Reading, b: Reading, names: Names | None = None) -> Expl
         names: Partners; by default parts with equal names.
     """
     one, two, names = machine_of(a), machine_of(b), names or find_partners(a, b)
-    return min((compare_machines(one, two, names, believed) for believed in BELIEVED), key=lambda each: each.cost)
+    return min((compare_machines(one, two, names, believed) for believed in Believed), key=lambda each: each.cost)
 
 
-def compare_machines(a: Machine, b: Machine, names: Names, believed: Believed = BELIEVED[0]) -> Explanation:
+def compare_machines(a: Machine, b: Machine, names: Names, believed: Believed = Believed.SIMILAR) -> Explanation:
     """Compare two machines without moving B as a whole."""
     return compare_pair(pair_machines(a, b, names, believed))
 

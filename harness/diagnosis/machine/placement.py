@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from enum import Enum
 from itertools import chain, product
 
 import numpy as np
@@ -34,24 +34,24 @@ STEP, FAR = 1e-7, 0.7
 SCALES = (*np.geomspace(1.0, 1e-2, 8), *np.full(10, 1e-2))
 
 
-@dataclass(frozen=True, slots=True)
-class Believed:
-    """Assumptions about the placement of bodies.
+class Believed(Enum):
+    """Assumptions about the placement of bodies, in the order in which they are tried.
 
     Attributes:
-        exact: Weight of an exactly matching feature relative to a nearby one: in an edited copy most features match
-            exactly; in two merely similar robots, a few do by chance.
-        fits: True if motions of the link, principal axes and centres of mass may place a body, although a single
-            displaced feature would mislead them; if False, only coordinates and frames with equal names do.
+        SIMILAR: Two similar robots, in which a few features match exactly by chance.
+        COPY: An edited copy, in which most features match exactly.
+        NAMED: An edited copy in which a displaced feature would mislead a fit: only coordinates and frames with equal
+            names place a body, not motions of its link, principal axes and centres of mass.
     """
 
-    exact: float = 0.25
-    fits: bool = True
+    SIMILAR = 1
+    COPY = 2
+    NAMED = 3
 
     def score(self, off: Array) -> float:
         """Rate a placement by its misfits."""
-        whole = 0.5 * bool((off < EXACT).all())
-        return whole + float((1.0 / (1.0 + (off / HALF) ** 2) + self.exact * (off < EXACT)).sum())
+        whole, exact = 0.5 * bool((off < EXACT).all()), 0.25 if self is Believed.SIMILAR else 1.0
+        return whole + float((1.0 / (1.0 + (off / HALF) ** 2) + exact * (off < EXACT)).sum())
 
 
 def place_body(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believed: Believed) -> Array:
@@ -65,7 +65,7 @@ def place_body(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, be
     offs = [overlay.misfits(T) for T in tried]
     best = max(range(len(tried)), key=lambda i: (round(score(offs[i]), 5), -i))
     nearest, off = tried[best], offs[best]
-    if off.max() <= EXACT or not believed.fits:
+    if off.max() <= EXACT or believed is Believed.NAMED:
         return nearest
     further = [_fitted_placements(a, b, links, overlay, tried, score)]
     if not {*a.bodies[links[0].far].frames} & {*b.bodies[links[1].far].frames}:
