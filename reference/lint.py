@@ -130,11 +130,15 @@ def of_bodies(bodies: Sequence[Solid]) -> tuple[str, ...]:
 
 def too_dense(bodies: Iterable[Solid]) -> tuple[str, ...]:
     """Warn about bodies with less inertia than a ball of the densest metal; point masses are exempt."""
-    sentences = {one.name: text for one in bodies if (text := _too_dense(one))}
+    return _shortened({one.name: text for one in bodies if (text := _too_dense(one))}, "too dense")
+
+
+def _shortened(sentences: dict[str, str], what: str) -> tuple[str, ...]:
+    """Return sentences on bodies by name; of many, the first and a sentence that names the others."""
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
     first, *rest = sentences
-    return sentences[first], f"{len(rest)} more bodies are too dense in the same way: {first_few(rest, SHOWN)}"
+    return sentences[first], f"{len(rest)} more bodies are {what} in the same way: {first_few(rest, SHOWN)}"
 
 
 def _too_dense(body: Solid) -> str:
@@ -169,11 +173,7 @@ def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
     """Warn about the bodies that `too_wide` reports; summarise them if there are many."""
-    sentences = {one.name: text for one in bodies if (text := too_wide(one))}
-    if len(sentences) <= SHOWN:
-        return (*sentences.values(),)
-    first, *rest = sentences
-    return sentences[first], f"{len(rest)} more bodies are lighter than air in the same way: {first_few(rest, SHOWN)}"
+    return _shortened({one.name: text for one in bodies if (text := too_wide(one))}, "lighter than air")
 
 
 def _turning_bodies(mechanism: Mechanism) -> set[str]:

@@ -225,8 +225,7 @@ def lock_folder(out: Path) -> Iterator[None]:
         raise OutputError(what, str(out), remedy) from None
     except (OSError, ValueError) as error:  # ValueError: the path contains a null byte
         if place < 0 or getattr(error, "errno", None) not in _UNABLE:
-            what = f"the folder cannot be written ({why(error)})"
-            raise OutputError(what, str(out), "choose another folder") from error
+            raise _cannot(out, error) from error
     try:
         yield
     finally:

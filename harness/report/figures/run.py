@@ -39,23 +39,18 @@ class _Subject:
         t: Time [s]. Shape (n,).
         values: Engine -> component -> values, NaN if missing. Shape (n,).
         solved: Engine -> True for samples that the engine solved. Shape (n,).
-        panels: Title and components of each panel.
     """
 
+    drawing: Drawing
     t: Array
     values: dict[str, dict[str, Array]]
     solved: dict[str, NDArray[np.bool_]]
-    panels: Sequence[tuple[str, Sequence[str]]]
-
-    @property
-    def names(self) -> list[str]:
-        """All components."""
-        return [name for _, some in self.panels for name in some]
 
     def given(self, *engines: str) -> list[str]:
         """Return the components with values from all given engines, or all components; tables may lack some."""
         known = [{name for name, v in self.values[engine].items() if np.isfinite(v).any()} for engine in engines]
-        return [name for name in self.names if all(name in each for each in known)] or self.names
+        names = self.drawing.names
+        return [name for name in names if all(name in each for each in known)] or names
 
 
 def make_plots(comparison: Comparison) -> list[Picture]:
@@ -72,7 +67,7 @@ def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
         engine, values = next(iter(subject.values.items()))
         picture = contour_picture(name, drawing.title, grid, (engine, component, drawing.unit), values[component])
         return replace(picture, of=drawing.quantity)
-    return _draw(name, drawing, _subject(drawing, comparison), *_compared_pairs(drawing, comparison))
+    return _draw(name, _subject(drawing, comparison), *_compared_pairs(drawing, comparison))
 
 
 def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Picture:
@@ -84,15 +79,15 @@ def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Pictur
     values = {engine: {worst.component: v} for engine, v in zip((worst.a, worst.b), curve.T[1:], strict=True)}
     everywhere = dict.fromkeys(values, np.ones(len(curve), dtype=bool))
     drawing = Drawing(title, worst.quantity, worst.unit, (("", (worst.component,)),))
-    subject = _Subject(curve[:, 0], values, everywhere, drawing.panels)
+    subject = _Subject(drawing, curve[:, 0], values, everywhere)
     tolerance = abs(worst.values[0] - worst.values[1]) * worst.tolerance / worst.error
-    return _draw(name, drawing, subject, [(worst.a, worst.b)], tolerance if np.isfinite(tolerance) else None)
+    return _draw(name, subject, [(worst.a, worst.b)], tolerance if np.isfinite(tolerance) else None)
 
 
-def _draw(name: str, drawing: Drawing, subject: _Subject, pairs: list[Pair], tolerance: float | None) -> Picture:
-    first, *others = subject.values
+def _draw(name: str, subject: _Subject, pairs: list[Pair], tolerance: float | None) -> Picture:
+    drawing, (first, *others) = subject.drawing, subject.values
     shown = [first, *(engine for engine in others if {(first, engine), (engine, first)} & {*pairs})]
-    labels = [_labels(names, subject.values[first]) for _, names in subject.panels]
+    labels = [_labels(names, subject.values[first]) for _, names in drawing.panels]
     unit = unit_text(drawing.unit)
 
     apart = {f"|{a} - {b}|": _largest_difference(subject, (a, b)) for a, b in pairs}
@@ -121,7 +116,7 @@ def _curves(
         curve: numbered_look(i) for i, curve in enumerate(dict.fromkeys(x for some in labels for x in some.values()))
     }
     stretches = CURVE[moving] // (1 if moving else grid["columns"])
-    for (panel, _), drawn in zip(subject.panels, labels, strict=True):
+    for (panel, _), drawn in zip(subject.drawing.panels, labels, strict=True):
         for component, curve in drawn.items():
             for k, engine in enumerate(shown):
                 at, values = np.flatnonzero(subject.solved[engine]), subject.values[engine][component]
@@ -225,7 +220,7 @@ def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
     nothing = dict.fromkeys(drawing.names, np.full(n, np.nan))
     values = {engine: nothing | dict(zip(v.components, v.array.T, strict=True)) for engine, v in given.items()}
     solved = {engine: np.isin(np.arange(n), common_rows(n, solution)) for engine, solution in solutions.items()}
-    return _Subject(comparison.times, values, solved, drawing.panels)
+    return _Subject(drawing, comparison.times, values, solved)
 
 
 def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str]:
@@ -266,7 +261,7 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
     others = [engine for engine in subject.values if engine not in shown]
     if others:  # for example, joint forces of an open tree differ between cuts
         yield f"Without curves, because not comparable with {shown[0]}: {', '.join(others)}."
-    names = subject.names
+    names = subject.drawing.names
     if drawn < len(names):
         yield f"Curves: the {drawn} of {len(names)} components that move most. Differences: all {len(names)}."
     for engine, solved in subject.solved.items():
