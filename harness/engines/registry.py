@@ -171,7 +171,7 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) -> Engine:
     """Build the entry of a MuJoCo port."""
     source = f"{_HERE}.mujoco.ports:load_{name}"
-    refuses = {"InitialValue": "forward, it has soft constraints alone", "States": "it is asked given motions only"}
+    refuses = {"InitialValue": "its simulations support only soft constraints", "States": "it solves only given motions"}
     more: dict[str, Any] = {"extra": name, "apart": True, "precisions": precisions, "refuses": refuses}
     return Engine(name, meaning, source, _GIVEN, package, ".xml", "minimal", **more)
 
@@ -184,9 +184,9 @@ def _treeless(name: str, meaning: str, why: str, package: str, **more: Any) -> E
 
 
 _TRUTH = "ball arithmetic with rigorous radii, on request"
-_NO_TREE = "it has no tree: each body has coordinates of its own"
-_ALL_JOINTS = "it has no tree: coordinates of all joints are its unknowns"
-_GIVEN_ONLY = "given motions are all that is made of its equations here"
+_NO_TREE = "it has no tree: each body has separate coordinates"
+_ALL_JOINTS = "it has no tree: its unknowns are the coordinates of all joints"
+_GIVEN_ONLY = "it solves only given motions"
 ENGINES: dict[str, Engine] = {
     engine.name: engine
     for engine in (
@@ -215,9 +215,9 @@ ENGINES: dict[str, Engine] = {
             "python-flint",
             lacks=LACKS,
             refuses={
-                "springs": "it encloses what acts along joints and on bodies, and no springs",
-                "InitialValue": "it encloses samples of a given motion, and no integration",
-                "States": "it closes loops itself, and has no open tree",
+                "springs": "it encloses forces along joints and on bodies, but not springs",
+                "InitialValue": "it encloses samples of a given motion, but not an integration",
+                "States": "it closes loops itself and has no open tree",
             },
             most=MOST,
             extra="truth",

@@ -10,6 +10,6 @@ _OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has noth
 #: Quantity that the engine does not compute -> reason.
 LACKS = {
     **_OPEN,
-    "mass_matrix": "its Newton-Euler equations are solved whole",
+    "mass_matrix": "it solves the Newton-Euler equations as one system",
     "axis_moment": "without springs, motors and resistance this is the actuator force, which it certifies",
 }

@@ -312,12 +312,12 @@ def _docstring(text: str | None, indent: str = "") -> str:
 
 
 def _builtin() -> str:
-    lines = ["| name | what | freedoms, loops | known from |", "|---|---|---|---|"]
+    lines = ["| name | mechanism | degrees of freedom, loops | source, known result |", "|---|---|---|---|"]
     for name in mechanism_names():
         one, known = load_mechanism(name), mechanism_tables(name).get("source", "")
         counts = f"{len(one.independent)}, {len(one.joints) - len(one.bodies)}"
         lines.append(f"| `{name}` | {one.title} | {counts} | {known} |")
-    scenes = ["| name | what | motion | |", "|---|---|---|---|"]
+    scenes = ["| name | scene | motion | description |", "|---|---|---|---|"]
     for name in scene_names():
         scene = load_scene(name)
         motion = f"{'simulation' if scene.simulated else 'given'}, {scene.t[-1]:g} s"
@@ -339,7 +339,7 @@ def _engines() -> str:
     parts += ["## Number types", _ticks("[number type](tolerances.md#number-types)", types, known)]
     joints = {f"{name}: {what}" if name in KINDS else what: name for name, what in FEATURES.items()}
     known_to = {shown: [name not in one.refuses for one in known] for shown, name in joints.items()}
-    parts += ["## Joints and what acts", _ticks("joint, or what acts", known_to, known), "## Reasons"]
+    parts += ["## Joints and forces", _ticks("joint or force", known_to, known), "## Reasons"]
     words, reasons = {**FEATURES, **TASKS}, dict[tuple[str, str], list[str]]()
     for one in known:
         for name, why in {**one.lacks, **{words[key]: why for key, why in one.refuses.items()}}.items():
@@ -358,7 +358,7 @@ def _ticks(head: str, rows: Mapping[str, Sequence[object]], known: Sequence[Engi
 
 def _compared() -> str:
     rows = [f"| {kind.name} | {kind.fate} | {kind.note} | {kind.run} |" for kind in kinds().values()]
-    table = ["| content | in a diagnosis | how, or why not | in a run |", "|---|---|---|---|", *rows]
+    table = ["| content | in a diagnosis | compared by, or reason | in a run |", "|---|---|---|---|", *rows]
     return "\n\n".join([data("guide/compared.md"), "\n".join(table), data("guide/fates.md")])
 
 
