@@ -179,7 +179,7 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
     if form == "mjcf":
         _include(root, path.parent)
     flags = {key: value for flag in root.iter("flag") for key, value in flag.items()}
-    return list(_ElementWalk(element_tables()[form], flags, _of_coordinates(mechanism)).through(root))
+    return list(_ElementWalk(element_tables()[form], flags, _of_coordinates(mechanism)).walk(root))
 
 
 def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
@@ -192,7 +192,7 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
     """
     known = element_tables()[form]
     reading = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
-    return list(_ElementWalk({**known, **reading}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
+    return list(_ElementWalk({**known, **reading}, {}, {}, (*_OF_READINGS, *_KINDS)).walk(root))
 
 
 def unread_rows(library: str) -> list[str]:
@@ -241,7 +241,7 @@ class _ElementWalk:
     own: Mapping[str, Mapping[str, str]]
     kinds: tuple[str, ...] = _KINDS
 
-    def through(self, root: ET.Element) -> Iterator[Extra]:
+    def walk(self, root: ET.Element) -> Iterator[Extra]:
         """Yield all extras of a file; iterate because elements may be nested deeper than Python's call stack."""
         bare = {tag: {*names.split()} for tag, names in self.table.get("bare", {}).items()}
         if any(True for default in root.iter("default") for _ in default.iter("tendon")):

@@ -280,20 +280,20 @@ def viewed_from(mechanism: Mechanism) -> Array:
     points = np.unique(np.concatenate([points, np.reshape(places, (-1, 3))]).round(6), axis=0)
     lay = layout(mechanism)
     screws = pose(lay, mechanism.home[None]).S[0]
-    planar = facing(points, screws[:, :3])
+    planar = face_on_view(points, screws[:, :3])
     if planar is not None:
         return planar
     i, j = np.triu_indices(len(points), 1)
 
     def hidden(direction: Array) -> float:
-        seen = points @ across(direction).T
+        seen = points @ view_axes(direction).T
         return float(np.sum(1.0 / (np.sum((seen[i] - seen[j]) ** 2, axis=1) + 1e-3)))
 
     angles = product(np.radians([-55, -70, -40, -25, -110, -125, -140, -155]), np.radians([25, 18, 32]))
     return min((np.array([np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)]) for a, h in angles), key=hidden)
 
 
-def facing(points: Array, axes: Array) -> Array | None:
+def face_on_view(points: Array, axes: Array) -> Array | None:
     """Return the direction that shows a planar mechanism face-on; None for a spatial mechanism.
 
     Args:
@@ -310,7 +310,7 @@ def facing(points: Array, axes: Array) -> Array | None:
     return np.asarray(turns[0] * np.sign(turns[0, largest]) * (-1.0 if largest == 1 else 1.0))
 
 
-def across(direction: Array) -> Array:
+def view_axes(direction: Array) -> Array:
     """Return the viewer's right and up directions, with z up if possible. Shape (2, 3)."""
     right = np.cross([0.0, 0.0, 1.0] if abs(direction[2]) < 0.99 else [0.0, 1.0, 0.0], direction)
     right /= np.linalg.norm(right)

@@ -19,7 +19,7 @@ STEP, CURVED = 1e-4, 1e-6
 PART, NAMED = 0.05, 9
 
 
-def straight(mechanism: Mechanism) -> tuple[str, ...]:
+def singular_joints(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the joints whose motion at home opens the loops to second order; empty if the home pose is regular.
 
     Constraints that are dependent only at home, ``l G = 0``, do not prevent rates with ``G v = 0``; a finite motion
@@ -47,7 +47,7 @@ def straight(mechanism: Mechanism) -> tuple[str, ...]:
 
 def why_singular(mechanism: Mechanism) -> str:
     """Explain which joints make the home pose singular; return an empty string if the home pose is regular."""
-    joints = straight(mechanism)
+    joints = singular_joints(mechanism)
     if not joints:
         return ""
     return f"{first_few(joints, NAMED)} can begin a motion that the loops then stop"

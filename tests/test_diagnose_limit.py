@@ -21,10 +21,10 @@ def stopping(monkeypatch, work):
         late = []
 
         class Late(Deadline):
-            def over(self, what):
+            def is_over(self, what):
                 late.extend([what] if what.startswith(work) else [])
                 self._end = -1.0 if late else self._end
-                return super().over(what)
+                return super().is_over(what)
 
         return Late(limit)
 
@@ -54,9 +54,9 @@ def test_what_is_there_is_reported_and_what_is_not_is_named(pair, monkeypatch, w
 def test_a_deadline_is_over_when_its_time_is():
     ticks = count()
     deadline = Deadline(3.0, lambda: float(next(ticks)))  # asked for the time at 0
-    assert [deadline.over(work) for work in "abcc"] == [False, False, True, True]
+    assert [deadline.is_over(work) for work in "abcc"] == [False, False, True, True]
     assert deadline.left_out == ["c"]
-    assert not Deadline().over("anything")
+    assert not Deadline().is_over("anything")
 
 
 def test_the_same_is_not_said_of_what_was_not_compared(pair, monkeypatch):

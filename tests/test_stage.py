@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.shapes import DOUBT, across, differences, facing, shapes, viewed_from
+from screwgauge.models.shapes import DOUBT, differences, face_on_view, shapes, view_axes, viewed_from
 from screwgauge.report.stage.drawing import drawing, labels
 from screwgauge.report.stage.motion import FRAMES
 from screwgauge.report.stage.picture import remarks, stage
@@ -290,7 +290,7 @@ def test_an_ellipsoid_is_that_of_a_homogeneous_body(paper: Mechanism) -> None:
     ("name", "right"), [("slider-crank", "x"), ("five-bar", "x"), ("screw-press", "x"), ("3ups-upu-s", "x")]
 )
 def test_who_looks_has_x_to_the_right(name: str, right: str) -> None:
-    view = across(viewed_from(load_mechanism(name)))
+    view = view_axes(viewed_from(load_mechanism(name)))
     assert view[0]["xyz".index(right)] > (0.99 if name != "3ups-upu-s" else 0.5)
     assert view[1, 1 if name in ("slider-crank", "five-bar") else 2] > 0.9
 
@@ -298,8 +298,8 @@ def test_who_looks_has_x_to_the_right(name: str, right: str) -> None:
 def test_what_moves_in_x_z_is_seen_from_the_front_also_where_its_bodies_lie_side_by_side() -> None:
     points = np.array([[0.0, 0.1, 0.0], [0.4, -0.1, 0.2], [0.9, 0.05, 0.3]])
     axes = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 0.0]])
-    assert across(facing(points, axes)) == pytest.approx(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
-    assert facing(points, np.eye(3)) is None
+    assert view_axes(face_on_view(points, axes)) == pytest.approx(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    assert face_on_view(points, np.eye(3)) is None
 
 
 def test_a_picture_has_world_axes_and_a_bar_of_a_round_length() -> None:
@@ -311,7 +311,7 @@ def test_a_picture_has_world_axes_and_a_bar_of_a_round_length() -> None:
     at, i = pose(lay, mechanism.home[None]), mechanism.body_index["leg1.lower"]
     left, right = (float(x) for x in re.findall(r'<path class="body"[^>]* d="M([\d.]+),[^L]*L([\d.]+),', svg)[0])
     line = next(one for one in shapes(mechanism) if one.name == "leg1.lower" and one.group == "links")
-    seen = across(viewed_from(mechanism))[0] @ at.R[0, i] @ (line.b - line.a) * length(lay)  # [m]
+    seen = view_axes(viewed_from(mechanism))[0] @ at.R[0, i] @ (line.b - line.a) * length(lay)  # [m]
     assert (float(bar) - 90.0) / 0.2 == pytest.approx((right - left) / seen, rel=0.02)
 
 

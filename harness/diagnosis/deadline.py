@@ -38,7 +38,7 @@ class Deadline:
             )
         self._end = self.clock() + self.seconds
 
-    def over(self, work: str) -> bool:
+    def is_over(self, work: str) -> bool:
         """Return True if no time is left for a piece of work, and record that work as skipped."""
         if self.clock() < self._end:
             return False

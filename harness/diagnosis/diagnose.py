@@ -98,16 +98,16 @@ def find(
     found = replace(
         start, facts=facts, standing=told.standing, withheld=withheld, aside=aside, mobility=_mobility(models)
     )
-    if not deadline.over("order of the joints"):
+    if not deadline.is_over("order of the joints"):
         joints = {name: partner.name for name, partner in pair.joints.items()}
         found = replace(found, order=compare_orders(models, joints, seed))
     found = _add_causes(found, deadline)
     found = replace(found, witnesses=tuple(check_libraries(models, seed, deadline)))
-    if _is_outside_torques(found) and not deadline.over("torques of the libraries as loaded"):
+    if _is_outside_torques(found) and not deadline.is_over("torques of the libraries as loaded"):
         skipped = bool(only) or bool(other_gravity(a.reading, b.reading))
         both, why_not = (None, "") if skipped else compare_libraries(models, pair, seed)
         found = replace(found, agreement=compare_dynamics(pair, seed, only), together=both, why_not=why_not)
-    if any(fact.kind != "digits" for fact in facts) and not deadline.over("proof by a corrected file"):
+    if any(fact.kind != "digits" for fact in facts) and not deadline.is_over("proof by a corrected file"):
         found = replace(found, fix=make_fix(a, b, pair, load, moved=told.whole is not None, only=only))
     return replace(found, left_out=tuple(deadline.left_out))
 
@@ -133,7 +133,7 @@ def _drop_given_names(facts: Iterable[Fact], how: Mapping[str, str]) -> list[Fac
 def _add_causes(found: Findings, deadline: Deadline) -> Findings:
     """Add causes, their shares and reasons to findings."""
     facts = found.facts
-    if not facts or deadline.over("causes and their shares"):
+    if not facts or deadline.is_over("causes and their shares"):
         return found
     reading = with_gravity(found.pair.a.reading)
     torques = Torques(without_forces(reading) if found.only else reading, found.seed)

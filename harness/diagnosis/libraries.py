@@ -151,7 +151,11 @@ class LibraryCheck:
 def check_libraries(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[LibraryCheck]:
     """Check each library that has dynamics against its own reading."""
     for side, model in zip("AB", models, strict=False):
-        if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
+        if (
+            model.library not in ASKED
+            or model.file is None
+            or deadline.is_over(f"torques of {model.library} for {side}")
+        ):
             continue
         reading = model.as_read or model.reading
         tree = tree_of(with_gravity(reading))

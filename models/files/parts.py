@@ -109,7 +109,7 @@ def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...]
     above = (*above, path.resolve())
     check_count(len(above), "nested models", str(path), "reduce the nesting")
     for model in root.iterfind("asset/model"):
-        file = inside(path, model.get("file", ""), folder, "attaches")
+        file = locate_file(path, model.get("file", ""), folder, "attaches")
         if file in above:
             raise ModelFileError(f"attaches itself by '{model.get('file')}'", str(path), "remove that model")
         if file not in collected:
@@ -196,7 +196,7 @@ def _include(root: ET.Element, path: Path, folder: Path) -> list[str]:
                 i += 1
                 continue
             name = element[i].get("file", "")
-            file = inside(path, name, folder, "includes")
+            file = locate_file(path, name, folder, "includes")
             if name in seen:
                 raise ModelFileError(f"includes '{name}' twice", str(path), "include it once")
             seen.append(name)
@@ -222,7 +222,7 @@ def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
         _ALLOWED.reset(token)
 
 
-def inside(path: Path, name: str, folder: Path, verb: str) -> Path:
+def locate_file(path: Path, name: str, folder: Path, verb: str) -> Path:
     """Resolve the path of a file that a model file names.
 
     Args:

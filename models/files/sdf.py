@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.files.parts import inside
+from screwgauge.models.files.parts import locate_file
 from screwgauge.models.files.xml import parse
 from screwgauge.models.formats import floats, of_rpy
 from screwgauge.models.poses import matrix, relative
@@ -74,12 +74,12 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
         raise ModelFileError(
             f"includes '{uri}', which is not on this machine", str(path), "copy that model into its folder"
         )
-    file = inside(path, name, folder, "includes")
+    file = locate_file(path, name, folder, "includes")
     if is_file(file):
         return file
     config = file / "model.config"
     files = [each.text or "" for each in parse(config).iter("sdf")] if is_file(config) else ["model.sdf"]
-    return inside(config, files[-1].strip() if files else "model.sdf", folder, "includes")
+    return locate_file(config, files[-1].strip() if files else "model.sdf", folder, "includes")
 
 
 def _merge_include(include: ET.Element, root: ET.Element, file: Path) -> ET.Element:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.files.parts import inside
+from screwgauge.models.files.parts import locate_file
 from screwgauge.models.formats import floats
 from screwgauge.models.importing import USD
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, remedy_of_import
@@ -54,7 +54,7 @@ def stage_of(path: Path) -> Any:
             digest(file)  # rejects all but regular files, and records that the file was read
             names = [] if file.suffix == PACKAGE else Sdf.Layer.FindOrOpen(str(file)).GetCompositionAssetDependencies()
             for name in filter(None, names):
-                other = inside(file, name, path.parent.resolve(), "references")
+                other = locate_file(file, name, path.parent.resolve(), "references")
                 if not is_file(other):
                     raise ModelFileError(f"references '{name}', which does not exist", str(file), "add that file")
                 waiting.append(other)

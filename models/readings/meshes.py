@@ -10,7 +10,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from screwgauge.models.content import Content, kind_of
-from screwgauge.models.files.parts import inside, joints_in
+from screwgauge.models.files.parts import joints_in, locate_file
 from screwgauge.models.formats import vector_text
 from screwgauge.models.mjcf import MOMENTS
 from screwgauge.models.readings.compiled import collect_warnings, compile_text
@@ -263,7 +263,7 @@ def _meshes(bare: ET.Element, used: Iterable[str], path: Path, folder: Path) -> 
             if element.tag != "mesh" or name not in used:
                 asset.remove(element)
             elif file is not None:
-                place = inside(path, str(Path(directory) / file), folder, "takes mass from")
+                place = locate_file(path, str(Path(directory) / file), folder, "takes mass from")
                 data = read_bytes(place, "MB of a mesh")
                 total += len(data)
                 check_count(total / 1e6, "MB of meshes", str(path))

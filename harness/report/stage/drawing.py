@@ -14,10 +14,10 @@ from screwgauge.models.shapes import (
     DRIVEN,
     SPRING,
     Shape,
-    across,
     cut_joints,
     joint_marks,
     place_shapes,
+    view_axes,
     viewed_from,
 )
 from screwgauge.reference.equations.kinematics import length
@@ -75,7 +75,7 @@ def _cloud(mechanism: Mechanism, solids: Sequence[Shape], joints: Sequence[tuple
 
 def _view(mechanism: Mechanism) -> Array:
     """Return the directions to the right and down the page, as rows. Shape (2, 3)."""
-    return across(viewed_from(mechanism)) * [[1.0], [-1.0]]
+    return view_axes(viewed_from(mechanism)) * [[1.0], [-1.0]]
 
 
 def drawing(

@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.models.kinematics import rehome
 from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.readings.reading import Reading
-from screwgauge.models.shapes import DOUBT, PLAIN, across, facing
+from screwgauge.models.shapes import DOUBT, PLAIN, face_on_view, view_axes
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
@@ -94,7 +94,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
         DrawnMachine(_title("B", diagnosis.b), two, placement, theirs),
     )
     points = [np.array([*side.joints().values(), *_further_points(side)]) for side in sides]
-    view = across(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]
+    view = view_axes(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]
     cloud = np.concatenate(points) @ view.T
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((SIDE - 2 * EDGE) / size[0], (SIDE - 2 * EDGE) / size[1])
@@ -151,7 +151,7 @@ def _legend(x: float, y: float) -> str:
 def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
     """Return the direction to the viewer, which is normal to the plane if both machines are planar."""
     axes = np.array([side.placement[:3, :3] @ one.screw[:3] for side in sides for one in side.reading.joints.values()])
-    planar = facing(points / float(np.ptp(points, axis=0).max() or 1.0), axes.reshape(-1, 3))
+    planar = face_on_view(points / float(np.ptp(points, axis=0).max() or 1.0), axes.reshape(-1, 3))
     return SEEN / np.linalg.norm(SEEN) if planar is None else planar
 
 
