@@ -77,6 +77,7 @@ class Bodies(Constrained):
         return at
 
     def placed(self, parts):
+        """Polynomials in the coordinates, also where quaternions have other norms."""
         n, bodies, _ = parts.shape
         R, p, T = absolute_poses(parts)
         gaps, twists = self.joints(R, p)
