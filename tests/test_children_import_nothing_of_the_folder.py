@@ -9,6 +9,7 @@ import pytest
 
 import screwgauge
 from support import bad_works
+from support.command import CLI
 from support.engines import run_isolated, silent
 from support.processes import inherit_safely, safe_path
 
@@ -32,7 +33,7 @@ def test_modules_beside_a_scene_are_not_imported(command, theirs):
         Path(f"{name}.py").write_text(CODE, encoding="utf-8")
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONSAFEPATH")}
     # as the console script starts: the folder is on nobody's path
-    code = "import sys; sys.path.remove(''); from screwgauge.cli import main; sys.exit(main())"
+    code = f"import sys; sys.path.remove(''); {CLI}"
     done = subprocess.run(
         [sys.executable, "-c", code, *command.split()], env=environment, capture_output=True, text=True
     )

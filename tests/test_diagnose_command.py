@@ -17,7 +17,8 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
     other = robots.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
     out, fix = tmp_path / "out", tmp_path / "fixed.xml"
     said = command("diagnose", arms[0], other, "--out", out, "--fix", fix, status=1).out
-    assert "joint4: damping 0.2400 N m s/rad in B, 0.1400 N m s/rad in A" in " ".join(said.split())
+    said = " ".join(said.split())
+    assert all(fact in said for fact in ("joint4: damping 0.2400 N m s/rad in B", "0.1400 N m s/rad in A"))
     assert {path.name for path in out.iterdir()} >= {"report.md", "report.html", "diagnosis.json", "plots"}
     assert {path.name for path in (out / "plots").iterdir()} == {
         *("machines.svg", "torques-by-joint.svg", "torques-by-cause.svg")
@@ -41,7 +42,8 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
 def test_a_fix_has_the_format_of_b(arms, tmp_path, capsys):
     other = robots.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
     assert main(["diagnose", arms[0], str(other), "--fix", "fixed.urdf"]) == 2
-    assert "fixed.urdf: ends with .urdf, but B is MJCF; choose another --fix" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert all(fact in said for fact in ("fixed.urdf: ", "MJCF", "--fix"))
     assert not (tmp_path / "fixed.urdf").exists()
 
 

@@ -72,7 +72,7 @@ def test_files_and_columns(found, tmp_path):
     tables, pages = {"bench.csv", "forward.csv", "slopes.csv"}, {"report.md", "report.html", "plots"}
     assert {path.name for path in out.iterdir()} == tables | pages | {"environment.json", "report-files.json"}
     text = (out / "report.md").read_text(encoding="utf-8")
-    for words in ("*published*", "OpenSim", "other machine", "Only the first 5% of the motion"):
+    for words in ("*published*", "OpenSim", "other machine", "first 5% of the motion"):
         assert words in text
 
 

@@ -177,8 +177,8 @@ def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(writ
         assert joint.limits.tolist() == [[-2.4, -0.5]]
         assert -2.4 < joint.home[0] < -0.5
     said = " ".join(imported.remarks)
-    assert "found from the middle of the limits" in said
-    assert re.search(r"file.s own home .* 0\.\d+, .*foot outside limits", said)
+    assert "middle of the limits" in said
+    assert re.search(r"own home .* 0\.\d+, .*foot outside limits", said)
     assert "left out" not in said
     assert import_model(path).mechanism.home.tolist() == mechanism.home.tolist()
     results = agreed(screwgauge.run(sampled(path, slice(None, None, 25))))
@@ -253,7 +253,7 @@ def test_choices_are_followed(gripper):
     assert [joint.name for joint in mechanism.actuators] == ["follower"]
     with pytest.raises(DescriptionError, match="2 coordinates of rank 1 for 1"):
         import_model(gripper, Options(independent={"a": "follower", "b": "driver"}))
-    with pytest.raises(ScrewgaugeError, match="--actuated: unknown hinge or slide 'nobody'"):
+    with pytest.raises(ScrewgaugeError, match=r"--actuated: .*'nobody'"):
         import_model(gripper, Options(actuated=["nobody"]))
 
 
@@ -365,4 +365,4 @@ def test_meshes_of_what_is_fixed_to_the_world_are_not_asked_for(tmp_path):
     (tmp_path / "arm.xml").write_text(f'<mujoco model="arm">{text}</mujoco>', encoding="utf-8")
     imported = import_model(tmp_path / "arm.xml", Options(meshes=True))
     assert imported.mechanism.mass == 0.1
-    assert "mass of body base, which is fixed and has mass from meshes" in imported.left_out
+    assert any("body base" in each and "meshes" in each for each in imported.left_out)

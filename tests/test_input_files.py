@@ -39,7 +39,7 @@ def test_a_byte_order_mark_is_no_part_of_the_text(name, folder):
         (lambda path: path.symlink_to("/dev/zero"), "(it is not a regular file)"),
         (lambda path: path.mkdir(), "(is a directory)"),
         (lambda path: None, "(it does not exist)"),
-        (lambda path: path.symlink_to(path), "(too many levels of symbolic links)"),
+        (lambda path: path.symlink_to(path), "levels of symbolic links"),
         (lambda path: path.write_bytes(b"# \xe4\n"), "is not UTF-8 text"),
     ],
 )
@@ -123,7 +123,7 @@ def test_a_csv_with_too_many_columns_is_refused(folder):
         ("0,0,0,0\n" + "," * 1_000_000, "1e+06 CSV columns, more than 1000"),
         ("," * 1_000_000, "1e+06 CSV columns, more than 1000"),
         ('"\n",' * 100_000, "a quoted text spans several lines"),
-        ("0,0,0,0,0\n", "the rows have more fields than the header"),
+        ("0,0,0,0,0\n", "more fields than the header"),
     ],
 )
 def test_a_row_with_too_many_fields_is_refused_at_once(rows, said, folder):

@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 
 import screwgauge
-from support.command import printed_by
+from support.command import CLI, printed_by
 from support.engines import Solution
 
 pytestmark = pytest.mark.slow
@@ -66,8 +66,7 @@ def test_a_reader_who_leaves_changes_no_exit_status(tmp_path, write):
         "[motion.a]\noffset = 0.1\n[motion.b]\noffset = 0.1\n"
         "[time]\ntimes = [0]\n[tolerances]\njoint_position = 1e-30\n",
     )
-    code = "import sys, screwgauge.cli; sys.exit(screwgauge.cli.main(sys.argv[1:]))"
-    command = [sys.executable, "-c", code, "run", str(scene), "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-c", CLI, "run", str(scene), "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         complaint = process.stderr.read()

@@ -24,7 +24,7 @@ def made(monkeypatch):
         told.asked.append(wanted)
         pin = next(text for text in wanted if text.startswith("pin=="))
         if pin == "pin==9":
-            raise study.CannotError("No matching distribution found for pin==9")
+            raise study.CannotError("nothing is pin==9")
         return Path(pin)
 
     def run(command, folder=None, ends=(0,)):
@@ -66,7 +66,7 @@ def test_what_cannot_be_installed_or_checked_is_a_row(made, tmp_path):
     made.checks["pin==6"] = json.dumps({"rows": []})
     found = study.matrix([(pin, "4.0.0") for pin in "94567"], tmp_path / "m.csv")
     assert found["status"].tolist() == ["not installed", "failed", "failed", "differ", "differ"]
-    assert found["reason"][0] == "No matching distribution found for pin==9"
+    assert found["reason"][0] == "nothing is pin==9"
     assert found["reason"][1] == "the check printed no JSON"
 
 

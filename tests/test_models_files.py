@@ -97,9 +97,9 @@ def test_limits_are_written_when_asked(paper: Mechanism) -> None:
 
 
 def test_unknown_parts_and_cuts_are_named(paper: Mechanism) -> None:
-    with pytest.raises(UnknownNameError, match=r"unknown part 'geom'.*did you mean 'geoms'"):
+    with pytest.raises(UnknownNameError, match=r"'geom'.*did you mean 'geoms'"):
         write_mjcf(paper, "minimal", include={"geom"})
-    with pytest.raises(UnknownNameError, match=r"unknown cut 'ful'.*did you mean 'full'"):
+    with pytest.raises(UnknownNameError, match=r"'ful'.*did you mean 'full'"):
         write_urdf(paper, "ful")
 
 

@@ -161,7 +161,7 @@ def test_a_name_that_the_models_need_is_refused(four_bar: Mechanism) -> None:
         for joint in four_bar.joints
     )
     bodies = (four_bar.bodies[0], body, four_bar.bodies[2])
-    with pytest.raises(DescriptionError, match=r"'rocker@sole' is reserved for the model files"):
+    with pytest.raises(DescriptionError, match=r"'rocker@sole' is reserved"):
         lay_out(replace(four_bar, bodies=bodies, joints=joints), "full")
 
 

@@ -182,7 +182,7 @@ def test_python_too_overwrites_by_force_only(method, request):
     keep(file)  # as it was written here
     before = {*Path("new").iterdir()}
     file.write_text(MINE, encoding="utf-8")
-    with pytest.raises(OutputError, match=r"already exists and .*overwrite it with force=True"):
+    with pytest.raises(OutputError, match=r"already exists .*force=True"):
         keep(file)
     assert file.read_text(encoding="utf-8") == MINE
     keep(file, force=True)
@@ -210,7 +210,7 @@ def test_nothing_but_a_file_is_in_the_way_and_a_link_stays(results):
     os.mkfifo("pipe.html")
     Path("folder.html").mkdir()
     for name in ("pipe.html", "folder.html"):
-        with pytest.raises(OutputError, match=r"is not a regular file|is a folder"):
+        with pytest.raises(OutputError, match=r"not a regular file|a folder"):
             results.to_html(name, force=True)
     Path("shelf").mkdir()
     Path("link.html").symlink_to("shelf/page.html")

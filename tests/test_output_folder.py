@@ -10,7 +10,7 @@ import screwgauge
 from support.command import main
 from support.errors import OutputError, ReportError
 from support.pages import Picture, Text, file_name
-from support.report import MANIFEST, write_report
+from support.report import MANIFEST, run_page, write_report
 
 DATA = {"numbers.json": {"a": 1}, "summary.json": {"ok": True}}
 PICTURE = Picture("01-curve", "A curve", '<svg viewBox="0 0 1 1"></svg>')
@@ -204,7 +204,7 @@ def test_a_picture_that_breaks_is_one_sentence_and_exit_3(out, command, capfd, m
     def breaks(results):
         raise ValueError("no such colour")
 
-    monkeypatch.setattr("screwgauge.report.pages.run.make_plots", breaks)
+    monkeypatch.setattr(run_page, "make_plots", breaks)
     assert command() == 3
     said = capfd.readouterr()
     assert "Only screw ran" in said.out
@@ -227,7 +227,7 @@ def test_a_figure_with_a_title_of_300_letters_is_drawn(out, paper_scene, no_prog
 
 
 def test_stopped_while_the_pages_are_made_says_what_is_there(out, command, capfd, monkeypatch):
-    monkeypatch.setattr("screwgauge.report.pages.run.make_plots", lambda results: os.kill(os.getpid(), signal.SIGTERM))
+    monkeypatch.setattr(run_page, "make_plots", lambda results: os.kill(os.getpid(), signal.SIGTERM))
     assert command() == 143
     assert re.fullmatch(f"screwgauge: terminated.* in {out}, .*\n", capfd.readouterr().err)
     assert "summary.json" in files(out)

@@ -1,22 +1,19 @@
 import hashlib
 import inspect
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from screwgauge import plugins
 from support import frozen_engine
+from support.command import loaded_after, printed_by
 
 #: Libraries that take longer to import than all of the package.
 HEAVY = ("pinocchio", "mujoco", "pandas", "scipy", "llvmlite", "flint", "exudyn", "pydrake")
 
 
 def test_import_loads_no_library_of_an_engine():
-    code = f"import sys, screwgauge.plugins; print(*[name for name in {HEAVY} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
+    assert loaded_after("import screwgauge.plugins", *HEAVY) == set()
 
 
 def test_import_loads_the_modules_of_trees_only_when_they_are_asked_for():
@@ -26,8 +23,7 @@ def test_import_loads_the_modules_of_trees_only_when_they_are_asked_for():
         "from screwgauge.plugins import OpenTree\n"
         "print(OpenTree is sys.modules['screwgauge.engines.tree.protocol'].OpenTree)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "True"]
+    assert printed_by(code).split() == ["False", "True"]
 
 
 @pytest.mark.parametrize("name", plugins.__all__)

@@ -164,8 +164,7 @@ def test_mass_and_inertia_of_meshes_are_those_of_mujoco(compiler, shells):
 def test_meshes_are_read_on_request_only(shells, tmp_path, command, capfd):
     out = str(tmp_path / "shells.toml")
     told = command("import", shells, "-o", out, status=2).err
-    assert "mass of body a comes from meshes, which are not read; add an <inertial>" in told
-    assert "--meshes of import, run, check and diagnose" in told
+    assert all(fact in told for fact in ("mass of body a", "meshes", "<inertial>", "--meshes of import"))
     assert main(["import", str(shells), "-o", out, "--meshes"]) == 0
     assert "MuJoCo computes mass and inertia of a, b, c" in capfd.readouterr().out
     mass = import_model(shells, Options(meshes=True)).mechanism.mass
@@ -222,7 +221,7 @@ def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, writ
     other = write("other.xml", MESHES.format("").replace('density="300"', 'density="330"'))
     fixed, out = tmp_path / "fixed.xml", ["--out", str(tmp_path / "out")]
     assert main(["diagnose", str(shells), str(other), *out]) == 2
-    assert "--meshes of import, run, check and diagnose" in capfd.readouterr().err
+    assert "--meshes of import" in capfd.readouterr().err
     told = command("diagnose", shells, other, *out, "--meshes", "--fix", fixed, status=1).out
     assert "a: mass" in told
     assert "+10.00 %" in told

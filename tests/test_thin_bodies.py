@@ -1,5 +1,5 @@
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import mujoco
@@ -10,6 +10,7 @@ import tomli_w
 import screwgauge
 from screwgauge import load_scene
 from screwgauge.models.mjcf import inertial, without_stand_ins
+from support.data import data
 from support.engines import IN_DOUBLES
 from support.geometry import Array, quaternion_rotation, rotation
 from support.judging import agreed
@@ -77,7 +78,7 @@ def test_a_moment_that_no_mjcf_can_say_and_that_counts_is_not_replaced() -> None
 
 def test_a_tensor_that_no_body_has_is_written_as_one_that_can_be_and_said(arm: Callable[..., Path]) -> None:
     """Descriptions may miss A + B >= C by 1e-12 of the trace, MuJoCo by nothing."""
-    mechanism = load_mechanism(arm("bob = { mass = 1, com = [0, 0, 1], inertia = { xx = 1, yy = 1, zz = -1e-12 } }"))
+    mechanism = load_mechanism(arm(bob([0, 0, 1], xx=1, yy=1, zz=-1e-12)))
     (_, sentence) = left_out(mechanism)
     assert re.match(r"MJCF: .* bob is 1e-12 kg m\^2 off", sentence)
 
@@ -90,29 +91,18 @@ time = { duration = 0.4, step = 0.1 }
 """
 
 
+def bob(com: Sequence[float], mass: float = 1, **inertia: float) -> str:
+    entries = ", ".join(f"{key} = {value}" for key, value in inertia.items())
+    return f"bob = {{ mass = {mass}, com = {[*com]}, inertia = {{ {entries} }} }}"
+
+
 @pytest.fixture
 def arm(write) -> Callable[..., Path]:
-    text = """
-name = "arm"
-independent = {{ one = "one", two = "two" }}
-[bodies]
-rod = {{ mass = 0.5, com = [0, 0, 0.25], inertia = {{ xx = 1e-2, yy = 1e-2 }} }}
-{bob}
-[joints]
-one = {{ kind = "R", parent = "ground", child = "rod", axes = [[0, 1, 0]], actuated = true }}
-[joints.two]
-kind = "R"
-parent = "rod"
-child = "bob"
-axes = [[0.6, 0.8, 0]]
-parent_frame.position = [0, 0, 0.5]
-actuated = true
-"""
-    return lambda bob: write("arm.toml", text.format(bob=bob))
+    return lambda bob: write("arm.toml", data("rod-and-bob.toml").format(bob=bob))
 
 
 def test_what_stands_for_zero_is_named_in_the_file_by_models_and_by_a_run(arm, write, tmp_path) -> None:
-    path = arm("bob = { mass = 1.3, com = [0.2, 0, 0.4], inertia = {} }")
+    path = arm(bob([0.2, 0, 0.4], 1.3))
     mechanism = load_mechanism(path)
     (sentence,) = left_out(mechanism)
     assert re.search(r"1e-15 kg m\^2 .* rod, bob", sentence)
@@ -131,11 +121,11 @@ def test_a_mechanism_without_thin_bodies_says_nothing(paper) -> None:
 @pytest.mark.parametrize(
     "bob",
     [
-        "bob = { mass = 1.3, com = [0.2, 0, 0.4], inertia = {} }",
+        bob([0.2, 0, 0.4], 1.3),
         "bob = { mass = 1.3, inertia = {} }",  # on its own axis, where it has no inertia at all
         "bob = { mass = 0 }",
-        "bob = { mass = 1e-3, com = [0.03, 0.04, 0], inertia = { xx = 6.4e-7, yy = 3.6e-7, zz = 1e-6, xy = -4.8e-7 } }",
-        "bob = { mass = 1, com = [0, 0, 1], inertia = { xx = 1, yy = 1, zz = -1e-12 } }",
+        bob([0.03, 0.04, 0], 1e-3, xx=6.4e-7, yy=3.6e-7, zz=1e-6, xy=-4.8e-7),
+        bob([0, 0, 1], xx=1, yy=1, zz=-1e-12),
     ],
     ids=["point", "point on its axis", "nothing", "thin along its axis", "impossible by 1e-12"],
 )
@@ -168,10 +158,10 @@ def test_thin_mechanisms_fall_alike_in_all_engines(name: str) -> None:
 
 
 def test_a_fix_gives_an_mjcf_a_thin_rod(arm, write, tmp_path) -> None:
-    rod = "bob = { mass = 1, com = [0.3, 0.4, 0], inertia = { xx = 6.4e-3, yy = 3.6e-3, zz = 1e-2, xy = -4.8e-3 } }"
-    thick = "bob = { mass = 1, com = [0.3, 0.4, 0], inertia = { xx = 2e-2, yy = 2e-2, zz = 2e-2, xy = -4.8e-3 } }"
-    for name, bob in (("a", rod), ("b", thick)):
-        write_models(load_mechanism(arm(bob)), tmp_path / name)
+    rod = bob([0.3, 0.4, 0], xx=6.4e-3, yy=3.6e-3, zz=1e-2, xy=-4.8e-3)
+    thick = bob([0.3, 0.4, 0], xx=2e-2, yy=2e-2, zz=2e-2, xy=-4.8e-3)
+    for name, body in (("a", rod), ("b", thick)):
+        write_models(load_mechanism(arm(body)), tmp_path / name)
     b, fixed = tmp_path / "b" / "arm.xml", tmp_path / "fixed.xml"
     found = screwgauge.diagnose(tmp_path / "a" / "arm.urdf", b)
     assert found.exit_status == 1

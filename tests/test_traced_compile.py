@@ -143,7 +143,8 @@ def test_without_llvmlite_numpy_runs_the_program_and_that_is_said(scene, monkeyp
         sys.modules["screwgauge.reference.traced.native"]._host.cache_clear()
     solver = screwgauge.compile(scene, FORCES, backend="llvm")
     (note,) = solver.notes
-    assert note.startswith("llvmlite is not installed (extra 'fast')")
+    assert note.startswith("llvmlite is not installed")
+    assert "'fast'" in note
     assert far(solver(*motion(scene))["actuator_force"], expected(scene)) <= SAME
 
 

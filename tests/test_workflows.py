@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import screwgauge
-from support.command import main
+from support.command import CLI, main
 from support.models import model_texts
 
 ROOT = Path(__file__).parents[1]
@@ -47,8 +47,7 @@ def action(somebody, tmp_path_factory):
     given = {name: f"${{{{ inputs.{name.lower()} }}}}" for name in ("WHAT", "OPTIONS")}
     assert (step["env"], step["shell"]) == (given, "bash")
     programs = tmp_path_factory.mktemp("bin")
-    code = "import sys; from screwgauge.cli import main; sys.exit(main(sys.argv[1:]))"
-    (programs / "screwgauge").write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{code}" "$@"\n', encoding="utf-8")
+    (programs / "screwgauge").write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{CLI}" "$@"\n', encoding="utf-8")
     (programs / "screwgauge").chmod(0o755)
 
     def run(what, options=""):
