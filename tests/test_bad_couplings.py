@@ -74,7 +74,7 @@ def test_another_ratio_in_a_model_is_what_that_engine_moves_by(engine, write, tm
             '<joint name="other" joint1="right.elbow" /><joint name="gear"',
             "has an unknown coupling 'other'",
         ),
-        ('<joint name="gear"', '<joint name="gear" active="false"', "switched off"),
+        ('<joint name="gear"', '<joint name="gear" active="false"', "disabled"),
         (' joint2="left" polycoef="0 0.5 0 0 0"', ' joint2="left" polycoef="1 0 0 0 0"', "does not depend on 'left'"),
     ],
 )

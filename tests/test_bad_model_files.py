@@ -37,7 +37,7 @@ def test_a_renamed_joint_or_body_is_named(engine, old, new, what, own_model, pap
     text = paper_models[f"3ups-upu-s{SUFFIX[engine]}"]
     assert old in text
     said = refused("run", own_model(engine, text.replace(old, new)), "--engines", engine)
-    assert what in said or "cannot load it" in said
+    assert what in said or "cannot load" in said
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "pinocchio-full"])
@@ -46,7 +46,7 @@ def test_what_the_urdf_parser_only_prints_is_refused(engine, own_model, paper_mo
     if "heavy" not in text:  # the full cut shares the platform among the chain ends
         text = text.replace('mass value="', 'mass value="heavy', 1)
     said = refused("run", own_model(engine, text), "--engines", engine)
-    assert "own: Pinocchio cannot load it (" in said
+    assert "own: Pinocchio cannot load the file (" in said
     assert "heavy" in said
 
 

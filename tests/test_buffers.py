@@ -127,7 +127,7 @@ def test_nothing_but_own_buffers_of_the_right_length_is_filled(solver):
         copy.copy(good),
     )
     for out in refused:
-        with pytest.raises(screwgauge.ScrewgaugeError, match="out: it"):
+        with pytest.raises(screwgauge.ScrewgaugeError, match="out: expected"):
             solver(*motion(), out=out)
 
 
@@ -181,10 +181,10 @@ def test_samples_of_other_kinds_are_refused_in_a_sentence(solver, known, own):
     if known:
         solver(*motion(), out=out)
     for given in bad_samples():
-        with pytest.raises(screwgauge.ScrewgaugeError, match=r"its shape|it is of|it has"):
+        with pytest.raises(screwgauge.ScrewgaugeError, match="expected"):
             solver(*given, out=out)
     for times in (np.array(1.0), np.ma.zeros(N), [0.0] * N, np.zeros((N, 1))):
-        with pytest.raises(screwgauge.ScrewgaugeError, match="t: it"):
+        with pytest.raises(screwgauge.ScrewgaugeError, match="t: expected"):
             solver(*motion(), t=times, out=out)
 
 

@@ -129,7 +129,7 @@ def test_what_is_no_file_of_the_user_s_own_is_not_used_and_made_anew(change, cac
     found, said = cache.read("key", "version")
     assert found is None
     assert said.startswith("the cache cannot be read (")
-    assert said.endswith("); computed anew")
+    assert said.endswith("recomputed")
     keep()
     assert cache.read("key", "version")[1] == ""
 

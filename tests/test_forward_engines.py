@@ -225,4 +225,4 @@ def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, b
         assert "shrunk to 1e-09 s" in found.stopped
     else:
         assert found.stopped == ""
-        assert f"{tries} steps were made anew" in " ".join(found.notes)
+        assert f"{tries} steps were repeated" in " ".join(found.notes)

@@ -40,7 +40,7 @@ def test_judge_does_not_ask_for_accelerations_of_idle_coordinates():
         table = judge(scene.mechanism, replace(scene.problem(quantities), task=motion(idle, off=1.0)), solution)
         return set(table["worst_component"][~table["ok"]])
 
-    asked = f"{[*scene.mechanism.independent][1]} as asked"
+    asked = f"{[*scene.mechanism.independent][1]} as prescribed"
     assert faults(()) == {asked}
     assert asked not in faults((1,))
 

@@ -96,11 +96,11 @@ def test_bad_input_is_said(pendulum):
     times = np.array([0.0, 1.0])
     with pytest.raises(UnknownNameError, match=r"unknown method 'RK45'"):
         integrate(pendulum, Applied(), times, name="RK45")
-    with pytest.raises(DescriptionError, match=r"times do not increase"):
+    with pytest.raises(DescriptionError, match="times must increase"):
         integrate(pendulum, Applied(), np.array([0.0, 0.0]))
-    with pytest.raises(DescriptionError, match=r"shape \(3,\) for 2 independent coordinates"):
+    with pytest.raises(DescriptionError, match=r"shape \(2,\).* got shape \(3,\)"):
         integrate(pendulum, Applied(), times, start=np.zeros(3))
-    with pytest.raises(DescriptionError, match=r"give 2 finite numbers"):
+    with pytest.raises(DescriptionError, match="use 2 finite numbers"):
         integrate(pendulum, Applied(), times, yd=np.array([0.0, np.nan]))
-    with pytest.raises(DescriptionError, match=r"rtol = -1, atol = 1e-12; give"):
+    with pytest.raises(DescriptionError, match=r"rtol = -1, atol = 1e-12; use"):
         integrate(pendulum, Applied(), times, rtol=-1.0)

@@ -85,7 +85,7 @@ def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
         ("joint_position", "leg3.q2", "loop_closure", "leg3.wrist"),
         ("joint_velocity", "leg4.q3", "loop_rate", "leg4.wrist"),
         ("joint_acceleration", "leg2.q1", "loop_acceleration", "leg2.wrist"),
-        ("joint_position", "s.q1", "loop_closure", ("a as asked", "s.")),
+        ("joint_position", "s.q1", "loop_closure", ("a as prescribed", "s.")),
         ("com_acceleration", "leg1.upper.y", "body_motion", "leg1.upper.y"),
         ("body_angular_velocity", "leg2.lower.x", "body_motion", "leg2.lower.x"),
         ("reaction", "leg4.slide.mx", "newton_euler", "leg4."),

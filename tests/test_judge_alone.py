@@ -177,7 +177,7 @@ def test_forces_of_no_tree_fail_and_it_says_why():
     rows = judged(scene, replace(solution, values={"tree_force": replace(values, components=names)}))
     row = rows.set_index("residual").loc["tree_force"]
     assert not row["ok"]
-    assert "joint coordinates of a tree" in row["reason"]
+    assert "joint coordinates of a spanning tree" in row["reason"]
 
 
 def test_the_tree_of_another_cut_is_judged_as_it_is(write):

@@ -186,20 +186,20 @@ def _same(x):
 
 #: What an engine has wrong, and what the sentence names.
 SLIPS = {
-    "place, R": _other("place", R=lambda R: R[:, 1:]),
-    "place, p": _other("place", p=lambda p: np.full_like(p, np.nan)),
-    "place, gaps": _other("place", gaps=lambda gaps: gaps[:, :-1]),
+    "place: R": _other("place", R=lambda R: R[:, 1:]),
+    "place: p": _other("place", p=lambda p: np.full_like(p, np.nan)),
+    "place: gaps": _other("place", gaps=lambda gaps: gaps[:, :-1]),
     "place, T: its first three rows": _other("place", T=lambda T: T[:, :, [1, 0, 2, 3, 4, 5]]),
     "place, T: its last three rows": _other("place", T=lambda T: T * [[1], [1], [1], [1], [1], [-1]]),
-    "place, G: it is no derivative": _other("place", G=lambda G: -G),
+    "place, G: it is not the derivative": _other("place", G=lambda G: -G),
     "bias: its first array": _other("bias", gaps=lambda gaps: gaps + 1.0, bodies=_same),
     "bias: its second array": _other("bias", gaps=_same, bodies=lambda bodies: bodies + 1.0),
-    "bias: .* two arrays": {"bias": lambda self, x, xd: xd},
-    "dynamics, M: its shape": _other("dynamics", M=lambda M: M[0], f=_same),
+    "bias must return two arrays": {"bias": lambda self, x, xd: xd},
+    "dynamics: M must have shape": _other("dynamics", M=lambda M: M[0], f=_same),
     "dynamics, M: it is not symmetric": _other("dynamics", M=lambda M: M + np.triu(np.ones_like(M), 1), f=_same),
-    "dynamics, f": _other("dynamics", M=_same, f=lambda f: f[0]),
-    "units: its shape": {"units": property(lambda self: np.ones(3), lambda self, units: None)},
-    "rows: .* 0 joints": {"rows": property(lambda self: [], lambda self, rows: None)},
+    "dynamics: f": _other("dynamics", M=_same, f=lambda f: f[0]),
+    "units must have shape": {"units": property(lambda self: np.ones(3), lambda self, units: None)},
+    "rows must .* got 0": {"rows": property(lambda self: [], lambda self, rows: None)},
 }
 
 

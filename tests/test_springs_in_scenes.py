@@ -62,7 +62,7 @@ def test_the_balance_of_all_bodies_knows_springs_and_motors(scene, results):
 
 def test_truth_refuses_with_one_sentence(scene):
     results = screwgauge.run(scene, engines=["screw", "truth"], quantities=["actuator_force"])
-    assert results.failures["truth"].reason.startswith("truth takes no spring or motor")
+    assert results.failures["truth"].reason.startswith("truth does not support springs and motors")
     assert [*results.solutions] == ["screw"]
     assert results.exit_status == 3
 

@@ -64,7 +64,7 @@ def turned(text):
 def test_redundant_loops_of_exact_text_close(name, scene):
     results = screwgauge.run(scene(data(f"{name}.toml")), engines=["truth", "screw"])
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
-    assert "no proof" in notes(results)
+    assert "overconstrained" in notes(results)
     assert "rounded" not in notes(results)
     assert max(results.radius(name).max() for name in results.solutions["truth"].values) < 1e-46
 

@@ -71,7 +71,7 @@ def test_reactions_have_the_names_of_the_other_engines(name):
 def test_overconstrained_mechanism_is_said_to_be_so():
     scene = screwgauge.load_scene(DATA / "four-bar-scene.toml").at([0.0])
     truth = screwgauge.run(scene, engines=["truth"]).solutions["truth"]
-    assert any("overconstrained" in note and "no proof" in note for note in truth.notes)
+    assert any("overconstrained" in note for note in truth.notes)
 
 
 def test_rule_of_equation_56_agrees_with_the_solver():

@@ -141,7 +141,7 @@ def test_a_compiled_solver_takes_times_or_loads(write):
         [np.broadcast_to(x, (len(motion), 3)) for one in now for x in (one.force, one.torque)], axis=1
     )
     assert solver(*given, load=load)["actuator_force"] == pytest.approx(right, rel=0, abs=1e-10 * np.abs(right).max())
-    with pytest.raises(ScrewgaugeError, match="give t or load"):
+    with pytest.raises(ScrewgaugeError, match="pass t or load"):
         solver(*given)
 
 

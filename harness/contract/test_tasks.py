@@ -101,5 +101,5 @@ def test_states_of_other_coordinates_are_refused(loaded: Loaded, pushed: Problem
     task = pushed.task
     assert isinstance(task, States)
     other = States(("x", *task.coordinates[1:]), task.q, task.v, tau=task.tau)
-    with pytest.raises(ModelFileError, match="takes states of"):
+    with pytest.raises(ModelFileError, match="states of"):
         loaded.ask(replace(pushed, task=other))

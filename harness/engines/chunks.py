@@ -100,7 +100,9 @@ class Simulated:
         extra, n = len(task.grid) - len(task), len(task)
         m = len(self.work) - extra
         if m < 1:
-            raise ClosureError(f"it stopped before the first sample: {self.stopped}", engine, "start elsewhere")
+            raise ClosureError(
+                f"the simulation stopped before the first sample: {self.stopped}", engine, "change the initial state"
+            )
 
         def filled(array: Array) -> Array:
             out = np.full((n, *array.shape[1:]), np.nan)
@@ -116,7 +118,7 @@ class Simulated:
             names, force_units, forces = self.reactions
             values["reaction"] = Values(names, force_units, filled(forces))
         seconds = {"integration": self.cost.wall_s, "integration, processor time": self.cost.cpu_s}
-        covers = "integration from start to end, once; loading and output outside"
+        covers = "one integration from start to end, without loading and output"
         return Solution(
             engine=engine,
             version=version,

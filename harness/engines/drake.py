@@ -32,7 +32,7 @@ class DrakeTree(kit.OpenTree):
         try:
             Parser(plant).AddModelsFromString(text, "urdf")
         except RuntimeError as error:
-            what = f"Drake cannot load it ({str(error).splitlines()[-1].rstrip('.')})"
+            what = f"Drake cannot load the file ({str(error).splitlines()[-1].rstrip('.')})"
             raise kit.ModelFileError(what, str(urdf), "correct the URDF") from None
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(kit.GROUND))
         plant.Finalize()

@@ -42,7 +42,7 @@ class ExudynModel:
         """Solve a given motion or a simulation."""
         takes = (kit.GivenMotion, kit.InitialValue) if self.integrator else (kit.GivenMotion,)
         if not isinstance(problem.task, takes):
-            raise kit.ModelFileError("takes given motions only", self.where, "name another engine")
+            raise kit.ModelFileError("this engine only solves given motions", self.where, "choose another engine")
         kit.check_fits(problem, self.mechanism, self.where)
         with kit.temporary(exu.config, printToConsole=False):
             system, name = ExudynSystem(self.mechanism, problem.applied, self.integrator), ("exudyn", version("exudyn"))
@@ -166,6 +166,6 @@ class ExudynSystem(kit.Stepped):
         try:
             self.mbs.SolveDynamic(self.settings, solverType=kind, updateInitialValues=True, storeSolver=False)
         except exu.SolverError:
-            raise kit.SingularPoseError("EXUDYN's steps do not converge", "integration", "take smaller ones") from None
+            raise kit.SingularPoseError("EXUDYN's steps do not converge", "integration", "use smaller steps") from None
         data = self.mbs.systemData
         return np.array(data.GetODE2Coordinates()) + self.home, np.array(data.GetODE2Coordinates_t())

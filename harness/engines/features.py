@@ -8,26 +8,26 @@ from screwgauge.reference.mechanism import Mechanism
 
 #: Feature -> its description. Kinds of joints are features.
 FEATURES = {
-    "R": "revolute joint",
-    "P": "prismatic joint",
-    "U": "universal joint",
-    "S": "spherical joint",
-    "C": "cylindrical joint",
-    "E": "planar joint",
-    "F": "free joint",
-    "fixed": "fixed joint",
-    "couplings": "coupling",
-    "resistance": "rotor, damping or dry friction",
-    "springs": "spring or motor",
-    "courses": "load over time",
-    "axes": "load in axes of its body",
+    "R": "revolute joints",
+    "P": "prismatic joints",
+    "U": "universal joints",
+    "S": "spherical joints",
+    "C": "cylindrical joints",
+    "E": "planar joints",
+    "F": "free joints",
+    "fixed": "fixed joints",
+    "couplings": "couplings",
+    "resistance": "rotors, damping and dry friction",
+    "springs": "springs and motors",
+    "courses": "time-varying loads",
+    "axes": "loads in body axes",
 }
 
 #: Task -> its description. `Engine.refuses` may state why an engine does not accept a task.
 TASKS = {
     "GivenMotion": "given motion: inverse dynamics",
     "InitialValue": "simulation",
-    "States": "states of an open tree as they are",
+    "States": "given states of an open tree",
 }
 
 
@@ -53,5 +53,5 @@ def refusal(engine: Engine, mechanism: Mechanism, applied: Applied) -> str:
     """Return a message about the first feature that an engine lacks; empty if the engine supports all."""
     for feature, whose in features(mechanism, applied).items():
         if why := engine.refuses.get(feature):
-            return f"{engine.name} takes no {FEATURES[feature]}, which {whose} has or is: {why}"
+            return f"{engine.name} does not support {FEATURES[feature]} ({whose}): {why}"
     return ""

@@ -27,7 +27,7 @@ CUTS = ("", "minimal", "full")
 _WORDS: dict[type[Task], str] = {
     GivenMotion: "solve given motions",
     InitialValue: "integrate",
-    States: "take states as they are",
+    States: "evaluate given states",
 }
 
 
@@ -134,7 +134,7 @@ class Engine:
         """
         if name not in self.methods:
             what = f"engine '{self.name}' computes in {' or '.join(self.precisions)}"
-            raise DescriptionError(what, where or name, f"name it {' or '.join(map(repr, self.methods))}")
+            raise DescriptionError(what, where or name, f"use {' or '.join(map(repr, self.methods))}")
         if name == self.name:
             return self
         return replace(self, name=name, precision=self.methods[name], tasks=self.tasks & {GivenMotion})
@@ -331,7 +331,7 @@ def _check_description(engine: object) -> Engine:
         TypeError, ValueError: The description is incomplete or not printable.
     """
     if not isinstance(engine, Engine):
-        raise TypeError(f"{type(engine).__name__} is no Engine")
+        raise TypeError(f"expected an Engine, got {type(engine).__name__}")
     texts = (
         engine.name,
         engine.meaning,
@@ -344,11 +344,11 @@ def _check_description(engine: object) -> Engine:
         *engine.refuses.values(),
     )
     if not all(isinstance(text, str) and len(text) <= TEXT for text in texts):
-        raise ValueError("a text of it is none, or too long")
+        raise ValueError(f"texts must be strings of at most {TEXT} characters")
     if engine.cut not in CUTS or not engine.tasks <= _ALL:
-        raise ValueError("its cut, or a task, is none that there is")
+        raise ValueError("unknown cut or task")
     if not engine.precisions or not {*engine.precisions} <= {*NUMBER_TYPES}:
-        raise ValueError("it has no number type, or one that there is not")
+        raise ValueError(f"precisions must be some of {', '.join(NUMBER_TYPES)}")
     return engine
 
 

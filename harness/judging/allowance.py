@@ -25,7 +25,7 @@ LIMIT = FLOAT64.limit
 #: Largest scaled error attributed to integration: a larger one could hide a mistake of a thousandth.
 MOST = 1e-4
 #: Start of the reason of a pair that agrees within integration error.
-WITHIN = "within the error of integration"
+WITHIN = "within the integration error"
 #: Start of the reason of a pair that agrees in the digits of a number type narrower than float64.
 NARROW = "compared as"
 
@@ -65,9 +65,9 @@ class Left:
         if ok:
             return f"{WITHIN}: at most {shares}"
         if size > usual + whole:
-            return f"integration makes at most {shares}; at least {size - whole:.2g} of it is none"
-        why = "the tolerance is that of the scene" if self.binding else f"more than {MOST:g} is not put down to it"
-        return f"{WITHIN} that its engines admit: at most {shares}; {why}"
+            return f"integration explains at most {shares}; at least {size - whole:.2g} remains"
+        why = "the scene sets the tolerance" if self.binding else f"at most {MOST:g} is attributed to integration"
+        return f"{WITHIN} that the engines state: at most {shares}; {why}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,9 +138,9 @@ class Allowance:
         limit = max(tolerance, stated / scale, zero / scale if decided else kind.sure)
         why = "" if derived else f"zero within {zero:.1g} {unit}, the {source.source}"  # soft forces have digits
         if kind is not FLOAT64 and limit < DIGIT:  # else no digit is left
-            why = f"{NARROW} {kind.name}, whose rounding makes up to {zero:.1g} {unit}"
+            why = f"{NARROW} {kind.name}, whose rounding error is up to {zero:.1g} {unit}"
         if stated > zero:
-            why = f"within {stated:.3g} {unit}, the error that {pair[1].engine} states"
+            why = f"within {stated:.3g} {unit}, the stated error of {pair[1].engine}"
         scaled = [error.scaled for error in errors]
         known = np.all([error.scaled <= error.kind.limit for error in errors], axis=0)
         explained = np.sum(scaled, axis=0) * tolerance / usual

@@ -145,10 +145,12 @@ class Answer:
         if lost:
             return f"not a number at t = {t:g} s"
         if undecided:
-            return f"within the error that {self.engine} admits by its conditioning"
+            return f"within the error that {self.engine} estimates from its conditioning"
         if self.kind is not FLOAT64 and conditioned:
-            return f"{NARROW} {self.kind.name}: rounding times the condition"
-        return f"within {self.admitted:.2g}, rounding times the condition of {self.engine}" if conditioned else ""
+            return f"{NARROW} {self.kind.name}: within rounding times the condition number"
+        return (
+            f"within {self.admitted:.2g}, rounding times the condition number of {self.engine}" if conditioned else ""
+        )
 
 
 def answer_at(
@@ -193,7 +195,7 @@ def answer_at(
 def timed(problem: Problem) -> GivenMotion | InitialValue:
     """Return the problem's task; raise TypeError unless it is a motion over time."""
     if isinstance(problem.task, States):
-        raise TypeError("states of an open tree are no motion over time: there is nothing to compare or to judge")
+        raise TypeError("states of an open tree are not a motion over time and cannot be compared or judged")
     return problem.task
 
 

@@ -81,7 +81,9 @@ def other_assemblies(
             columns = mechanism.independent_columns
             rows = rows[(np.abs(q_a[rows] - q_b[rows])[:, columns] < APART).all(axis=1)]
         if when := _describe_difference(mechanism, problem.task.t[rows], (q_a[rows], q_b[rows])):
-            apart[frozenset((a.engine, b.engine))] = f"{b.engine} is in another assembly than {a.engine} {when}"
+            apart[frozenset((a.engine, b.engine))] = (
+                f"{b.engine} is in a different assembly mode from {a.engine} {when}"
+            )
     return apart
 
 
@@ -103,7 +105,7 @@ def _away_from_home(
     for one, q in known:
         rows = np.arange(len(task)) if one.rows is None else one.rows
         if when := _describe_difference(mechanism, task.t[rows], (home[rows], q[rows])):
-            sentence = f"{one.engine} is in another assembly than home's {when}"
+            sentence = f"{one.engine} is in a different assembly mode from home {when}"
             sentences |= {frozenset((one.engine, other.engine)): sentence for other, _ in known if other is not one}
     return sentences
 
@@ -190,8 +192,8 @@ def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solu
                 arrays[rate][swapped, place[rate][names[1]]] *= -1.0
         if swapped.any():
             notes.append(
-                f"the angles of {joint.name}, their rates and forces are written as {reference.engine} reads them; it "
-                f"has the other triple of the same orientation at {swapped.sum()} of {len(swapped)} samples"
+                f"the angles of {joint.name}, with their rates and forces, were converted to the triple of "
+                f"{reference.engine} at {swapped.sum()} of {len(swapped)} samples"
             )
     values = {name: replace(one.values[name], array=array) for name, array in arrays.items()}
     return replace(one, values={**one.values, **values}, notes=(*one.notes, *notes))

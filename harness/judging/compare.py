@@ -94,7 +94,7 @@ def _accept(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResi
     """Set the reason of an accepted pair whose error exceeds the scene's own tolerance."""
     if not row.ok:
         return row
-    conditioned = f"within {row.tolerance:.2g}, rounding times the condition there"
+    conditioned = f"within {row.tolerance:.2g}, rounding times the condition number there"
     reason = row.reason or (conditioned if row.error > granted.usual else granted.why)
     return replace(row, reason=reason if row.error > tolerance else "")
 
@@ -207,8 +207,8 @@ def _explain(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Re
     admitted = {s.engine: s.errors[row.quantity].largest if row.quantity in s.errors else 0.0 for s in (a, b)}
     engine = max(admitted, key=lambda name: admitted[name])
     if row.undecided:
-        size = f"{admitted[engine]:.1g}" if np.isfinite(admitted[engine]) else "no digit"
-        return replace(row, reason=f"within the error that {engine} admits ({size})")
+        size = f"{admitted[engine]:.1g}" if np.isfinite(admitted[engine]) else "no correct digit"
+        return replace(row, reason=f"within the error that {engine} estimates ({size})")
     return row if np.isfinite(row.error) else replace(row, reason=f"not a number at t = {row.t:g} s")
 
 

@@ -72,7 +72,7 @@ class Coverage:
 
     shares: tuple[Row, ...] = ()
     parameters: tuple[Row, ...] = ()
-    missing: str = "Coverage was not looked at."
+    missing: str = "Coverage was not examined."
     hidden: frozenset[str] = frozenset()
     planar: bool = False
 
@@ -152,23 +152,23 @@ def coverage(
     """
     motion = problem.task
     if not isinstance(motion, GivenMotion):
-        return Coverage(missing="Coverage is stated of given motions, not of simulations.")
+        return Coverage(missing="Coverage is computed for given motions, not for simulations.")
     if not problem.wanted & {*_FORCES, *_MOTIONS}:
-        return Coverage(missing="Nothing of the dynamics is tested: no force and no acceleration is compared.")
+        return Coverage(missing="The dynamics are not tested: no force and no acceleration is compared.")
     known = (q for solution in solutions.values() if (q := assembly_of(mechanism, solution)) is not None)
     q = next(known, np.zeros((0, len(mechanism.coordinates))))
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     if not rows.size:
-        return Coverage(missing="Coverage is not known: no engine gave joint positions.")
+        return Coverage(missing="Coverage is unknown: no engine returned joint positions.")
     room = NUMBERS // (60 * len(mechanism.bodies) ** 2)
     if room < FEWEST:
-        return Coverage(missing=f"Coverage is not stated of as many as {len(mechanism.bodies)} bodies.")
+        return Coverage(missing=f"Coverage is not computed: {len(mechanism.bodies)} bodies are too many.")
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, room)).astype(np.intp))]
     try:
         with np.errstate(all="ignore"):  # NaN at some samples may be finite at others
             return _Composition(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
     except ScrewgaugeError as error:  # engines raise and report it, too
-        return Coverage(missing=f"Coverage is not known: {error}.")
+        return Coverage(missing=f"Coverage is unknown: {error}.")
 
 
 _Forces = tuple[tuple[str, ...], list[tuple[str, str, Array]]]

@@ -162,7 +162,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
             for k, (label, column) in enumerate(zip(mechanism.independent, mechanism.independent_columns, strict=True)):
                 asked = given is not None and not (order == 2 and k in given.idle)
                 if asked and f"{mechanism.units[column]}{per}" == unit:
-                    components.append(f"{label} as asked")
+                    components.append(f"{label} as prescribed")
                     columns.append(values[:, [column]] - y[order][:, [k]])
             if components:
                 # velocities and accelerations are scaled by the largest value of the motion

@@ -254,7 +254,9 @@ def tree_forces(answer: Answer) -> Residuals:
         if not reached or sorted(names) != sorted(name for joint in joints for name in joint.coordinates):
             nothing = np.full_like(values.array, np.nan)
             row = answer.residual(quantity, units[0], names, nothing, 1.0, (quantity,))
-            yield replace(row, reason="its components are not the joint coordinates of a tree of the mechanism")
+            yield replace(
+                row, reason="the components are not the joint coordinates of a spanning tree of the mechanism"
+            )
             continue
         if names not in needed:
             along_joints, load = _tree_force(answer, tree, {joint.name for joint in joints})
@@ -372,7 +374,7 @@ def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
         apart = largest(*(a - b for a, b in combinations([missing, *others], 2)))
         left = min(SAFETY * apart / max(size, FLOOR * answer.scales["J"]), MOST)
         answer = replace(answer, tolerance=answer.tolerance + left)
-        reason = f"integration leaves at most {left:.1g}"
+        reason = f"the integration error is at most {left:.1g}"
     row = answer.residual("energy_balance", "J", ["energy"], missing, size, ())
     yield replace(row, reason=row.reason or reason)
 

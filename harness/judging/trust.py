@@ -120,11 +120,11 @@ SAFETY = 4.0
 def integration_note(found: Integrated) -> str:
     """Describe the integration error of a simulation."""
     if not found:
-        return "the error of its integration is not known"
+        return "the integration error is unknown"
     sizes = found.get("joint_position") or next(iter(found.values()))
     largest = ", ".join(f"{np.nanmax(error):.1e} {unit}" for unit, error in sizes.items())
     times = " and ".join(f"{factor:g}" for factor in LOOSER)
-    return f"error that integration leaves, from further runs with {times} times the tolerances: at most {largest}"
+    return f"integration error, estimated from runs with {times} times the tolerances: at most {largest}"
 
 
 def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
@@ -200,7 +200,7 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
         t = ", ".join(f"{motion.t[i]:.6g}" for i in rows[:SHOWN]) + (", ..." if len(rows) > SHOWN else "")
         sentence = (
             f"{what} at {len(rows)} of {len(motion)} samples (t = {t} s; first at {mechanism.described(first)}): "
-            f"{', '.join(quantities)}{' of ' if part else ''}{', '.join(part)} not given there"
+            f"{', '.join(quantities)}{' of ' if part else ''}{', '.join(part)} not computed there"
         )
         refused.append(Refusal(solution.engine, tuple(quantities), np.array(rows), what, sentence))
     return tuple(refused)

@@ -6,7 +6,9 @@ It takes only the tables of a description, their names and an unverified startin
 
 #: Largest number of samples that the engine solves.
 MOST = 201
-_OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
+_OPEN = dict.fromkeys(
+    ("tree_force", "tree_force_soft"), "RNEA evaluates the open tree directly, which leaves nothing to certify"
+)
 #: Quantity that the engine does not compute -> reason.
 LACKS = {
     **_OPEN,

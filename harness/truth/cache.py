@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 Arrays = Mapping[str, NDArray[Any]]
 
 VARIABLE = "SCREWGAUGE_CACHE"
-DAMAGED = "the cache file was damaged; computed anew"
-STALE = "the cache file was of another version; computed anew"
+DAMAGED = "the cache file was damaged; its content was recomputed"
+STALE = "the cache file was from another version; its content was recomputed"
 #: Name of the file with the secret, and length of the secret in bytes.
 SECRET, LENGTH = "secret-1", 32
 MOST = 2**28  # largest size of a file in bytes
@@ -54,7 +54,7 @@ def folder() -> Path:
     if not os.path.isabs(place) and os.environ.get("HOME") != "":  # the specification ignores relative paths
         place = os.path.expanduser("~/.cache")
     if not os.path.isabs(place):
-        raise OSError(f"there is no home folder; {VARIABLE} can name another one")
+        raise OSError(f"there is no home folder; set {VARIABLE} to a cache folder")
     return Path(place) / "screwgauge" / "truth"
 
 
@@ -92,7 +92,7 @@ def read(key: str, version: str) -> tuple[Arrays | None, str]:
     except FileNotFoundError:
         return None, ""
     except OSError as error:
-        return None, f"the cache cannot be read ({_reason(error)}); computed anew"
+        return None, f"the cache cannot be read ({_reason(error)}); its content was recomputed"
     if data is None:
         return None, ""
     head, _, payload = data.partition(b"\n")
@@ -163,7 +163,7 @@ def _check_own(status: os.stat_result, what: str) -> None:
     if status.st_uid != os.geteuid():
         raise _UnsafeError(f"the {what} belongs to another user")
     if status.st_mode & _CHANGEABLE:
-        raise _UnsafeError(f"others can write the {what}; chmod go-w makes it yours alone")
+        raise _UnsafeError(f"other users can write to the {what}; remove their access with chmod go-w")
 
 
 def _content(place: int, name: str) -> bytes | None:
@@ -180,10 +180,10 @@ def _content(place: int, name: str) -> bytes | None:
         status = os.fstat(file)
         # the secret has two names for a moment while it is created
         if not stat.S_ISREG(status.st_mode) or status.st_size > MOST or (status.st_nlink > 1 and name != SECRET):
-            raise _UnsafeError("the file is a link, too large or no regular file")
+            raise _UnsafeError("the file is a link, too large, or not a regular file")
         _check_own(status, "file")
         if name == SECRET and status.st_mode & _OTHERS:
-            raise _UnsafeError("others can read the secret")
+            raise _UnsafeError("other users can read the secret")
         return stream.read(MOST)
 
 
@@ -199,7 +199,7 @@ def _secret(place: int) -> bytes:
         _put(place, SECRET, secrets.token_bytes(LENGTH), replace=replace or secret is not None)
     secret = _content(place, SECRET)
     if secret is None or len(secret) != LENGTH:
-        raise _UnsafeError("there can be no secret")
+        raise _UnsafeError("the secret cannot be created")
     return secret
 
 

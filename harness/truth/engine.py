@@ -81,9 +81,9 @@ class TruthModel:
     def _checked(self, problem: Problem) -> GivenMotion:
         motion, applied = problem.task, problem.applied
         if not isinstance(motion, GivenMotion):
-            raise DescriptionError("truth solves given motions only", str(self.file), "run it without truth")
+            raise DescriptionError("truth only solves given motions", str(self.file), "run without truth")
         if applied.springs or applied.motors:
-            raise DescriptionError("truth knows no springs and no motors", "the scene", "run it without truth")
+            raise DescriptionError("truth does not support springs and motors", "the scene", "run without truth")
         check_fits(problem, self.mechanism, str(self.file))
         return motion
 
@@ -194,7 +194,7 @@ def _solution(
 
     solved = rows[done]
     how = f"{BITS} bits" + (", from the cache" if cached else "")
-    covers = "{} of the samples solved, once" + (", when the cache file was written" if cached else "")
+    covers = "{} of all solved samples, once" + (", when the cache file was written" if cached else "")
     return Solution(
         engine="truth",
         version=f"{screwgauge.__version__}, python-flint {flint.__version__}",
@@ -219,21 +219,23 @@ def _notes(table: SampleTable, names: Names, mechanism: Mechanism, how_many: str
     worst = max(sizes, key=lambda key: sizes[key])
     note = f"{how_many} samples enclosed; largest scaled radius {sizes[worst]:.1e} ({worst})"
     if "reaction" in table.mid:
-        note += "; the two routes to the forces overlap at every one"
+        note += "; the two routes to the forces agree at every sample"
     notes = [note]
     if table.rounded:
         notes.append(
-            f"redundant loops close only if decimals of {LONG} digits and more are rounded: the radii hold "
-            "every mechanism whose frames and axes round to them, as far as its loops close"
+            f"redundant loops close only if decimals of {LONG} or more digits are read as rounded: the radii cover "
+            "every mechanism with closed loops whose frames and axes round to these decimals"
         )
     rows = 6 * len(spanning_tree(mechanism).cuts) + len(mechanism.couplings) + len(mechanism.independent)
     if rows > len(mechanism.coordinates):
         notes.append(
-            "the mechanism is overconstrained: that its redundant loops close was seen to hold within the balls, "
-            "which is no proof; reactions that they leave open are one choice that balances"
+            "the mechanism is overconstrained: its redundant loops close within the radii, which does not prove that "
+            "they close; undetermined reactions are one choice that balances"
         )
     if table.reasons:
-        notes.append(f"not certified at {len(table.reasons)} samples, left out; the first: {table.reasons[0]}")
+        notes.append(
+            f"{len(table.reasons)} samples could not be certified and are left out; the first: {table.reasons[0]}"
+        )
     return notes
 
 

@@ -97,7 +97,7 @@ def taken(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
         elif abs(rate) > REST:
             yield one.column, arb(one.amount) * (1 if rate > 0 else -1)
         else:
-            what = f"'{one.coordinate}' rests, where its dry friction has no direction"
+            what = f"'{one.coordinate}' is at rest, where its dry friction has no direction"
             raise NotCertified(what, "", "keep the motion away from this pose")
 
 
@@ -112,7 +112,8 @@ def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
     try:
         return B * (Bt * B).solve(arb_mat([[x] for x in Q]))
     except ZeroDivisionError:
-        raise NotCertified("the actuators may not move every coordinate", "", "keep away from this pose") from None
+        what = "the actuators may not move every coordinate"
+        raise NotCertified(what, "", "keep the motion away from this pose") from None
 
 
 def columns_of(A: arb_mat, some: Sequence[int]) -> arb_mat:
@@ -149,8 +150,8 @@ def idle_accelerations(
         power = arb_mat([[*column] for column in columns]) * N
         return power.transpose().solve(-(N.transpose() * arb_mat([[x] for x in Q]))).entries()
     except ZeroDivisionError:
-        what = "what no actuator drives may have no inertia"
-        raise NotCertified(what, "", "keep away from this pose") from None
+        what = "a coordinate that no actuator drives may have no inertia"
+        raise NotCertified(what, "", "keep the motion away from this pose") from None
 
 
 def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]], idle: Collection[int]) -> list[arb]:

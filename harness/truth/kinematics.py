@@ -208,7 +208,7 @@ class LoopsOpen(NotCertified):
 
 
 #: Remedy for rounded decimals of redundant loops.
-EXPRESSIONS = "give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least"
+EXPRESSIONS = "write lengths and angles as expressions such as 'sqrt(2)', or with at least 15 digits"
 
 
 def redundant_rows(linkage: Linkage) -> int:
@@ -225,10 +225,10 @@ def coarse(linkage: Linkage, reason: str) -> LoopsOpen:
         reason: Why the motion could not be enclosed.
     """
     what = (
-        f"{redundant_rows(linkage)} redundant closing rows are open by the rounding of decimals, which is too coarse "
-        f"to enclose the motion here ({reason})"
+        f"{redundant_rows(linkage)} redundant closing equations are open by the rounding of decimals, which is too "
+        f"coarse to enclose the motion here ({reason})"
     )
-    return LoopsOpen(what, "", "give lengths and angles as expressions such as 'sqrt(2)'")
+    return LoopsOpen(what, "", "write lengths and angles as expressions such as 'sqrt(2)'")
 
 
 def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
@@ -246,7 +246,7 @@ def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]
     gap = max((float(e.abs_lower()) for e in errors), default=0.0)
     if gap:
         size = f"{gap:.1g} (rad, m or their derivatives in time)"
-        what = f"{redundant_rows(linkage)} rows of redundant loops stay open by {size}"
+        what = f"{redundant_rows(linkage)} redundant closing equations stay open by {size}"
         raise LoopsOpen(what, "", EXPRESSIONS)
 
 

@@ -163,7 +163,7 @@ class Sampler:
             return {"generalized_force": Q}
         if (driven := len(linkage.mechanism.actuated_columns)) < len(given):
             what = f"the actuated joints drive {driven} of {now.partial.ncols()} freedoms"
-            raise NotCertified(what, "", "ask for no actuator_force and reaction")
+            raise NotCertified(what, "", "do not request actuator_force and reaction")
         B = self._drive(now)
         driving, freely = columns_of(B, given), [linkage.mechanism.independent_columns[i] for i in idle]
         f = min_norm(driving, [Q[j] for j in given])

@@ -141,7 +141,7 @@ def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:
     """
     task = problem.task
     if not isinstance(task, GivenMotion):
-        raise TypeError(f"{type(task).__name__} is no given motion")
+        raise TypeError(f"expected a given motion, got {type(task).__name__}")
     motion = task.part(rows)
     return motion, at_samples(problem.applied, rows).at(motion.t)
 

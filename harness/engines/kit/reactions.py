@@ -62,7 +62,7 @@ def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Arr
         ModelFileError: The description lacks the table ``[spherical_axial]``, which names the joint.
     """
     if mechanism.axial is None:
-        raise ModelFileError("has no [spherical_axial]", "rule spherical_axial", "add it to the description")
+        raise ModelFileError("the description has no [spherical_axial]", "rule spherical_axial", "add the table")
     name, direction = mechanism.axial
     number = next(i for i, joint in enumerate(mechanism.joints) if joint.name == name)
     joint, own, line = mechanism.joints[number], [*rows[number]], np.zeros((len(at.R), 2, at.gaps.shape[1]))

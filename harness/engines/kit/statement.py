@@ -42,7 +42,7 @@ def check_statement(engine: Constrained, problem: Problem) -> None:
     _check_rows(engine.rows, engine.mechanism, m)
     at, b = engine.place(x[None].copy()), len(engine.mechanism.bodies) + 1
     poses = {"R": (at.R, (1, b, 3, 3)), "p": (at.p, (1, b, 3)), "T": (at.T, (1, b, 6, n_x))}
-    _check_arrays("place, ", poses | {"gaps": (at.gaps, (1, m)), "G": (at.G, (1, m, n_x))})
+    _check_arrays("place: ", poses | {"gaps": (at.gaps, (1, m)), "G": (at.G, (1, m, n_x))})
     v, depth = _direction(engine, at), stages(problem.wanted)
     beside = engine.place((x - STEP * v)[None]), engine.place((x + STEP * v)[None])
     _check_derivatives(engine, at, v, beside)
@@ -56,24 +56,24 @@ def check_statement(engine: Constrained, problem: Problem) -> None:
 def _pair(found: object, method: str, names: str) -> tuple[Array, Array]:
     """Return the two arrays that a method returned; reject anything else."""
     if not isinstance(found, tuple) or len(found) != 2:
-        raise ValueError(f"{method}: it has to return two arrays, {names}")
+        raise ValueError(f"{method} must return two arrays: {names}")
     return found
 
 
 def _check_arrays(method: str, arrays: Mapping[str, tuple[ArrayLike, tuple[int, ...]]]) -> None:
     for name, (array, shape) in arrays.items():
         if np.shape(array) != shape:
-            raise ValueError(f"{method}{name}: its shape is {np.shape(array)}, and has to be {shape}")
+            raise ValueError(f"{method}{name} must have shape {shape}, got {np.shape(array)}")
         if not np.isfinite(np.asarray(array, dtype=float)).all():
-            raise ValueError(f"{method}{name}: it has values at home that are no finite numbers")
+            raise ValueError(f"{method}{name} must be finite at home")
 
 
 def _check_rows(rows: Sequence[Sequence[int]], mechanism: Mechanism, m: int) -> None:
     if len(rows) != len(mechanism.joints):
-        raise ValueError(f"rows: it names gaps of {len(rows)} joints, and there are {len(mechanism.joints)}")
+        raise ValueError(f"rows must list the gaps of {len(mechanism.joints)} joints, got {len(rows)}")
     named = [row for some in rows for row in some]
     if len({*named}) != len(named) or not {*named} <= {*range(m)}:
-        raise ValueError(f"rows: each gap belongs to one joint at most, and is one of 0 to {m - 1}")
+        raise ValueError(f"rows must contain numbers from 0 to {m - 1}, each at most once")
 
 
 def _direction(engine: Constrained, at: Placement) -> Array:
@@ -90,11 +90,13 @@ def _check_derivatives(engine: Constrained, at: Placement, v: Array, beside: tup
     names = [GROUND, *(body.name for body in engine.mechanism.bodies)]
     V, change = (at.T @ v)[0], (after.R - before.R)[0] / (2.0 * STEP)
     turning, moving = vee(change @ at.R[0].swapaxes(1, 2)), (after.p - before.p)[0] / (2.0 * STEP)
-    _check_same("place, T", V[:, :3], turning, "its first three rows are no angular velocity of R", names)
-    _check_same("place, T", V[:, 3:], moving, "its last three rows are no velocity of p", names)
+    _check_same("place, T", V[:, :3], turning, "its first three rows are not the angular velocity of R", names)
+    _check_same("place, T", V[:, 3:], moving, "its last three rows are not the velocity of p", names)
     units, joints = np.asarray(engine.gap_units), _gap_names(engine)
     opening = (after.gaps - before.gaps)[0] / (2.0 * STEP)
-    _check_same("place, G", (at.G @ v)[0] / units, opening / units, "it is no derivative of the gaps", joints, "{}")
+    _check_same(
+        "place, G", (at.G @ v)[0] / units, opening / units, "it is not the derivative of the gaps", joints, "{}"
+    )
 
 
 def _check_bias(engine: Constrained, x: Array, v: Array, beside: tuple[Placement, Placement]) -> None:
@@ -103,7 +105,7 @@ def _check_bias(engine: Constrained, x: Array, v: Array, beside: tuple[Placement
     )
     before, after = beside
     m, b = before.gaps.shape[1], before.p.shape[1]
-    _check_arrays("bias, ", {"its first array": (gaps, (1, m)), "its second array": (bodies, (1, b, 6))})
+    _check_arrays("bias: ", {"the first array": (gaps, (1, m)), "the second array": (bodies, (1, b, 6))})
     units = np.asarray(engine.gap_units)
     curve = ((after.G - before.G) @ v)[0] / (2.0 * STEP) / units
     what = "its first array is not the derivative of G along xd, times xd"
@@ -115,14 +117,14 @@ def _check_bias(engine: Constrained, x: Array, v: Array, beside: tuple[Placement
 
 def _check_dynamics(engine: Constrained, x: Array, v: Array, applied: Applied) -> None:
     M, f = _pair(engine.dynamics(x[None].copy(), v[None], applied), "dynamics", "M and f")
-    _check_arrays("dynamics, ", {"M": (M, (1, len(x), len(x))), "f": (f, (1, len(x)))})
+    _check_arrays("dynamics: ", {"M": (M, (1, len(x), len(x))), "f": (f, (1, len(x)))})
     numbers = [str(i) for i in range(len(x))]
     _check_same("dynamics, M", M[0], M[0].T, "it is not symmetric", numbers, "number {} of x")
 
 
 def _gap_names(engine: Constrained) -> list[str]:
     """Return a phrase for each gap that names its joint, if any."""
-    names = [f"gap {row}, which is of no joint" for row in range(np.size(engine.gap_units))]
+    names = [f"gap {row}, which belongs to no joint" for row in range(np.size(engine.gap_units))]
     for joint, rows in zip(engine.mechanism.joints, engine.rows, strict=True):
         for row in rows:
             names[row] = f"gap {row}, of joint '{joint.name}'"
@@ -136,4 +138,4 @@ def _check_same(
     away = np.abs(found - right).reshape(len(names), -1).max(axis=1, initial=0.0)
     size, most = max(np.abs(some).max(initial=LEAST) for some in (found, right)), away.max(initial=0.0)
     if most > OFF * size:
-        raise ValueError(f"{method}: {what}; {of.format(names[away.argmax()])} is farthest off, by {most:.2g}")
+        raise ValueError(f"{method}: {what}; the largest error is {most:.2g}, at {of.format(names[away.argmax()])}")

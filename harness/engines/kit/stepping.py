@@ -51,7 +51,7 @@ def solve_stepwise(
     """
     task, mechanism, stopped, steps = problem.task, engine.mechanism, "", 0
     if not isinstance(task, InitialValue):
-        raise TypeError(f"{type(task).__name__} is no initial value")
+        raise TypeError(f"expected an initial value, got {type(task).__name__}")
     check_bodies_alone(problem, engine)
     closing = Closing(mechanism, engine.place, engine.home, engine.units, engine.gap_units)
     still = GivenMotion(np.array([task.since]), task.start[None], task.rates[None], 0.0 * task.rates[None])
@@ -89,7 +89,9 @@ def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
     }
     for what, there in found.items():
         if there:
-            raise ModelFileError(f"has {what}, which its steps do not know", mechanism.name, "name another engine")
+            raise ModelFileError(
+                f"has {what}, which the engine's integrator does not support", mechanism.name, "choose another engine"
+            )
 
 
 def _read_joints(engine: Constrained, problem: Problem, x: Array, xd: Array, before: Array) -> JointMotion:

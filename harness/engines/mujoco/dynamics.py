@@ -96,7 +96,7 @@ class MujocoMover:
         # written so that NaN is refused
         if not change <= UNSAFE * max(size, 1.0) < np.inf:
             raise SingularPoseError(
-                f"MuJoCo's accelerations are not safe (largest {size:.3g}, changed by {change:.3g} in "
+                f"MuJoCo's accelerations are unreliable (largest {size:.3g}, changed by {change:.3g} in "
                 f"refinement {made})",
                 f"{self.tree.engine}, q = {np.array2string(data.qpos[:8], precision=4)}",
                 "step over the pose, or check masses and loops of the MJCF",
@@ -140,14 +140,14 @@ class MujocoSettings:
         where = "stepper of mujoco"
         check_choice("integrator", [self.integrator], INTEGRATORS, where)
         if self.dt is not None and not 0.0 < self.dt < np.inf:
-            raise DescriptionError(f"step {self.dt:g} s", where, "give a positive number")
+            raise DescriptionError(f"step {self.dt:g} s", where, "use a positive number")
         if self.solimp is not None and not 0.0 < self.solimp <= STIFFEST:
-            raise DescriptionError(f"solimp {self.solimp:g}", where, "give a number up to 0.9999")
+            raise DescriptionError(f"solimp {self.solimp:g}", where, "use a number up to 0.9999")
         if self.dt is not None and self.passes and self.integrator not in REFINABLE:
             raise DescriptionError(
                 f"{self.integrator} solves for accelerations inside its step",
                 where,
-                f"refine one of {', '.join(REFINABLE)}, or leave passes out",
+                f"use {', '.join(REFINABLE)}, or remove passes",
             )
 
     def soften(self, model: mujoco.MjModel) -> None:
@@ -271,7 +271,7 @@ class MujocoStepper:
         self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
         self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _closing(self.model)
         self.notes: tuple[str, ...] = (
-            ("some forces vary with time or pose and are held over each step",) if held.acts else ()
+            ("forces that vary with time or pose are held constant over each step",) if held.acts else ()
         )
         self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
         for motor in applied.motors:

@@ -52,7 +52,7 @@ def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_step
     if not names or not (raw or isinstance(task, InitialValue) or "tree_force_soft" in problem.wanted):
         return ()
     fate = "missing from" if raw or (own_steps and isinstance(task, InitialValue)) else "added to"
-    return (f"MuJoCo takes joint equalities for straight lines; their curvature is {fate} what it says: {names}",)
+    return (f"MuJoCo linearises joint equalities; their curvature is {fate} its results: {names}",)
 
 
 #: Largest impedance d that MuJoCo accepts: every pass divides the error by about d / (1 - d) = 1e4.

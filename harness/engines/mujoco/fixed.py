@@ -25,8 +25,8 @@ def editable(mjcf: Path, joints: Sequence[Joint]) -> mujoco.MjSpec:
         near, far = spec.body(joint.parent) or spec.worldbody, spec.body(joint.child) or spec.worldbody
         reverse = near.parent is not None and near.parent.name == far.name
         if not reverse and (far.parent is None or far.parent.name != near.name):
-            what = f"bodies {joint.parent} and {joint.child}, which joint '{joint.name}' holds together, are apart"
-            raise ModelFileError(what, str(mjcf), "let one of them carry the other")
+            what = f"joint '{joint.name}' fixes bodies {joint.parent} and {joint.child}, but neither carries the other"
+            raise ModelFileError(what, str(mjcf), "nest one body in the other")
         (body, frame), sign = ((near, joint.parent_frame), -1.0) if reverse else ((far, joint.child_frame), 1.0)
         body.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, pos=frame.p, axis=sign * frame.R[:, 2])
         objects = {"objtype": mujoco.mjtObj.mjOBJ_JOINT, "name1": joint.name}

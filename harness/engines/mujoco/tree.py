@@ -91,9 +91,9 @@ class MujocoTree(OpenTree):
             self.model = editable(mjcf, self.fixed).compile() if self.fixed else mujoco.MjModel.from_xml_path(str(mjcf))
         except ValueError as error:
             small = "mass and inertia" in str(error) or "eigenvalues" in str(error)
-            more = f"give every mass and moment of inertia more than {LEAST:g} kg and kg m^2, or zero"
+            more = f"set every mass and moment of inertia to zero, or to more than {LEAST:g} kg and kg m^2"
             remedy = more if small else "correct the MJCF"
-            raise ModelFileError(f"MuJoCo cannot load it ({error})", str(mjcf), remedy) from None
+            raise ModelFileError(f"MuJoCo cannot load the file ({error})", str(mjcf), remedy) from None
         thin = (self.model.body_mass > LEAST) & (self.model.body_inertia.min(axis=1) <= LEAST)
         self.thin = tuple(self.model.body(b).name for b in np.flatnonzero(thin))  # their moments stand in for zero
         prepare(self.model)
@@ -140,9 +140,9 @@ class MujocoTree(OpenTree):
             on = self.model.actuator_trnid[k, 0] if self.model.actuator_trntype[k] == joint else -1
             if on < 0 or self.model.joint(on).name not in wanted or not plain:
                 raise ModelFileError(
-                    f"its actuator {k} is no motor of gear 1 on one of {', '.join(sorted(wanted))}",
+                    f"actuator {k} is not a motor of gear 1 on one of {', '.join(sorted(wanted))}",
                     f"MJCF of {file.mechanism}",
-                    "correct it or leave the actuators out",
+                    "correct the actuator, or remove all actuators",
                 )
 
     def _closures(self, file: LoopsFile) -> tuple[Closure, ...]:
@@ -152,17 +152,15 @@ class MujocoTree(OpenTree):
         disabled = bool(self.model.opt.disableflags & (DISABLED | _CONSTRAINT))
         for e in range(self.model.neq):
             if disabled or not self.model.eq_active0[e]:
-                raise ModelFileError(
-                    f"its equality constraint {e} is switched off", f"MJCF of {file.mechanism}", "switch it on"
-                )
+                raise ModelFileError(f"equality constraint {e} is disabled", f"MJCF of {file.mechanism}", "enable it")
             if coupling_reading(self.model, e):
                 continue
             where = f"MJCF of {file.mechanism}, equality constraint {e}"
             if self.model.eq_type[e] not in _CLOSING:
-                what = "is none of bodies, joints or fixed tendons that is read: without it the freedoms would differ"
-                raise ModelFileError(what, where, 'state it by connect, weld or a joint equality, or active="false"')
+                what = "is of an unsupported kind, or not between bodies, joints or fixed tendons, and removes freedoms"
+                raise ModelFileError(what, where, 'use connect, weld or a joint equality, or set active="false"')
             if self.model.eq_objtype[e] != _SITE:
-                raise ModelFileError("joins no sites", where, "use site1, site2")
+                raise ModelFileError("does not join two sites", where, "use site1, site2")
             sites = int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
             joint = self.model.site(sites[0]).name.split("@")[0]
             pairs_of.setdefault(joint, []).append(sites)
@@ -182,7 +180,7 @@ class MujocoTree(OpenTree):
         coordinates = {one.name: one.coordinate for one in file.couplings}
         for coupling in file.couplings:
             if (lack := why_not(coupling)) and coupling.name not in readings:
-                raise ModelFileError(f"lacks coupling '{coupling.name}': {lack}", where, "run other engines")
+                raise ModelFileError(f"lacks coupling '{coupling.name}': {lack}", where, "choose another engine")
         couplings = (
             Coupling(name, one.joint, one.function, f"{where}, equality '{name}'")
             for name, one in readings.items()

@@ -87,7 +87,7 @@ class PinocchioMover:
         # written so that NaN is refused
         if not left <= UNSAFE * size < np.inf:
             raise SingularPoseError(
-                f"Pinocchio's accelerations are not safe (largest {size:.3g}, closing error {left:.3g} after "
+                f"Pinocchio's accelerations are unreliable (largest {size:.3g}, closing error {left:.3g} after "
                 f"{MORE} proximal iterations)",
                 f"{self.tree.engine}, q = {np.array2string(self.q[:8], precision=4)}",
                 "step over the pose, or check masses and loops of the URDF",
@@ -130,7 +130,7 @@ class PinocchioSettings:
     def __post_init__(self) -> None:
         check_choice("integrator", [self.integrator], INTEGRATORS, "stepper of pinocchio")
         if self.dt is not None and not 0.0 < self.dt < np.inf:
-            raise DescriptionError(f"step {self.dt:g} s", "stepper of pinocchio", "give a positive number")
+            raise DescriptionError(f"step {self.dt:g} s", "stepper of pinocchio", "use a positive number")
 
     def proximal(self) -> Any:
         """Return Pinocchio's own settings; zero accuracies force all iterations."""

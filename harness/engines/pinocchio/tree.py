@@ -47,7 +47,7 @@ def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
             reason = str(error)
     reason = next(iter(messages), reason)
     if reason:
-        raise ModelFileError(f"Pinocchio cannot load it ({reason.rstrip('.')})", str(urdf), "correct the URDF")
+        raise ModelFileError(f"Pinocchio cannot load the file ({reason.rstrip('.')})", str(urdf), "correct the URDF")
     return model
 
 
@@ -184,7 +184,7 @@ def _rows(parts: list[Array], size: int) -> Array:
     begin = np.array([part.__array_interface__["data"][0] for part in parts])
     step = int(begin[-1] - begin[0]) // max(1, len(parts) - 1)
     if (np.diff(begin) != step).any() or 0 < step < 8 * size:
-        what = "does not lay its data out as arrays can read them"
+        what = "its data have a memory layout that arrays cannot view"
         raise LoaderError(what, f"pinocchio {pin.__version__}", "install another version")
     return np.lib.stride_tricks.as_strided(parts[0], (len(parts), size), (step, 8))
 
@@ -247,9 +247,11 @@ class Constraints:
         for k in reversed(range(len(M))):  # joints beyond it are eliminated: their bodies need not move with it
             if M[k, k] <= nothing:
                 joint, body = self.tree.coordinates[k], self.tree.bodies[int(self.tree.moves[1:, k].argmax())]
-                what = f"'{body}' has no inertia for joint '{joint}' to move in the open tree"
-                remedy = "give it a moment of inertia about that axis, or run it with screw or mujoco"
-                raise SingularPoseError(f"{what}, which Pinocchio has to accelerate", self.tree.engine, remedy)
+                what = f"body '{body}' and the bodies beyond it have no inertia about joint '{joint}'"
+                remedy = "add a moment of inertia about that axis, or use screw or mujoco"
+                raise SingularPoseError(
+                    f"{what}, so Pinocchio cannot compute its acceleration in the open tree", self.tree.engine, remedy
+                )
             M -= np.outer(M[:, k], M[k]) / M[k, k]
 
     def coupling_residual(self, q: Array, v: Array, a: Array) -> Array:

@@ -43,9 +43,13 @@ class Buffers(Mapping[str, Array]):
             UnknownNameError: The solver does not compute a quantity in `given`.
         """
         if not isinstance(n, Integral) or not 0 <= n <= MOST:
-            raise DescriptionError(f"{shown(n)} samples", "buffers", f"give a whole number from 0 to {MOST}")
+            raise DescriptionError(
+                f"the number of samples is {shown(n)}", "buffers", f"use an integer from 0 to {MOST}"
+            )
         if not isinstance(given, Mapping):
-            raise DescriptionError(f"{type(given).__name__} is no mapping", "buffers", "give quantity -> array")
+            raise DescriptionError(
+                f"expected a mapping, got {type(given).__name__}", "buffers", "pass quantity -> array"
+            )
         for name, array in given.items():
             where = f"buffers, {name}"
             if name not in counts:
@@ -53,7 +57,7 @@ class Buffers(Mapping[str, Array]):
             check_array(array, (int(n), counts[name]), where)
             if not array.flags.behaved:
                 raise DescriptionError(
-                    "the array is read-only or not aligned", where, "give one that can be written to"
+                    "the array is read-only or not aligned", where, "pass a writeable, aligned array"
                 )
         _check_apart(given)
         free = {name: count for name, count in counts.items() if name not in given}
@@ -95,12 +99,14 @@ def check_array(array: Array, shape: tuple[int | None, ...], where: str) -> None
     """
     if type(array) is not np.ndarray:
         kind = "None" if array is None else type(array).__name__
-        raise DescriptionError(f"it is of {kind}", where, "give a plain numpy.ndarray of float64")
+        raise DescriptionError(
+            f"expected a plain numpy.ndarray, got {kind}", where, "convert it to an array of float64"
+        )
     if array.dtype != np.float64:
-        raise DescriptionError(f"it is of {array.dtype}", where, "give an array of float64")
+        raise DescriptionError(f"expected an array of float64, got {array.dtype}", where, "convert it")
     if array.ndim != len(shape) or any(m not in (n, None) for n, m in zip(array.shape, shape, strict=True)):
         wanted = str(shape).replace("None", "n")
-        raise DescriptionError(f"its shape is {array.shape}, not {wanted}", where, "give a row for each sample")
+        raise DescriptionError(f"expected shape {wanted}, got {array.shape}", where, "pass one row per sample")
 
 
 def check_finite(array: Array, where: str) -> None:
@@ -111,7 +117,7 @@ def check_finite(array: Array, where: str) -> None:
     """
     if not np.isfinite(array).all():
         row = int(np.isfinite(array).all(axis=1).argmin())
-        raise DescriptionError(f"row {row} is not finite", where, "complete the samples")
+        raise DescriptionError(f"row {row} is not finite", where, "pass finite numbers")
 
 
 def _check_apart(arrays: Mapping[str, Array]) -> None:
@@ -123,7 +129,7 @@ def _check_apart(arrays: Mapping[str, Array]) -> None:
     places = np.sort(np.concatenate([np.zeros(0, dtype=np.intp), *map(_addresses, arrays.values())]))
     if (np.diff(places) < np.dtype(float).itemsize).any():
         where = f"buffers, {', '.join(arrays)}"
-        raise DescriptionError("two of their numbers share memory", where, "give arrays that lie apart")
+        raise DescriptionError("two elements share memory", where, "pass arrays without overlap")
 
 
 def _addresses(array: Array) -> Rows:

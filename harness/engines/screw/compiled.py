@@ -137,15 +137,19 @@ class Solver:
             return self._answer_in_pool(given, mode, t)
         if type(out) is not Buffers or out.owner is not self:
             made = "buffers of another solver" if type(out) is Buffers else type(out).__name__
-            raise DescriptionError(f"it is {made}", "out", "make it by solver.buffers(n), or solver.buffers(n, arrays)")
+            raise DescriptionError(
+                f"expected buffers of this solver, got {made}",
+                "out",
+                "use solver.buffers(n) or solver.buffers(n, arrays)",
+            )
         if not out.writeable:
-            raise DescriptionError("an array has become read-only", "out", "make other buffers")
+            raise DescriptionError("an array has become read-only", "out", "create new buffers")
         if t is None and mode in out.known:
             known: tuple[Bound, CompiledSolution] = out.known[mode]
             if known[0].fill(given):  # nothing to prepare
                 return known[1]
         if (n := self._length(y)) != out.n:
-            raise DescriptionError(f"it has {out.n} samples, not {n}", "out", f"make it by solver.buffers({n})")
+            raise DescriptionError(f"expected buffers of {n} samples, got {out.n}", "out", f"use solver.buffers({n})")
         counts = self._error_counts(mode)
         errors = columns(n, sum(counts.values()))
         by_array, last = self._solve(given, mode, {**out} | ({"error": errors} if estimates else {}), t)
@@ -196,9 +200,9 @@ class Solver:
             check_array(t, (n,), "t")
             check_finite(t[:, None], "t")
         elif not all(motor.course.constant for motor in self.scene.applied.motors):
-            raise DescriptionError("a motor changes over time, which samples do not say", "compile", "give t")
+            raise DescriptionError("a motor depends on time, but t is missing", "compile", "pass t")
         elif len(given) == 3 and any(load.courses for load in self.scene.applied.loads):
-            raise DescriptionError("a load changes over time, which samples do not say", "compile", "give t or load")
+            raise DescriptionError("a load depends on time, but t is missing", "compile", "pass t or load")
         inputs = [*given[:3], *(self._loads(load, n) for load in given[3:])]
         if any(np.may_share_memory(x, array) for x in inputs for array in arrays.values()):
             inputs = [x.copy() for x in inputs]  # parts would overwrite later inputs
@@ -206,8 +210,8 @@ class Solver:
             by_array, bound = self._solve_all(inputs, self._works(mode), arrays, t)
         if (rows := rows_not_finite({name: arrays[name] for name in self.quantities})).size:
             names = (name for name in self.quantities if not np.isfinite(arrays[name][rows[0]]).all())
-            what = f"{', '.join(names)} cannot be held by doubles"
-            raise DescriptionError(what, f"row {rows[0]}", "give smaller coordinates, rates, accelerations or loads")
+            what = f"{', '.join(names)} exceed the range of float64"
+            raise DescriptionError(what, f"row {rows[0]}", "use smaller coordinates, rates, accelerations or loads")
         fits = bound is not None and t is None and bound.fits(inputs, arrays)
         return by_array, bound if fits else None
 
@@ -263,7 +267,7 @@ class Solver:
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)
         if not m:
-            raise DescriptionError("the scene has no load that could be replaced", "load", "leave it out")
+            raise DescriptionError("the scene has no load to replace", "load", "remove the argument")
         check_array(load, (m,) if getattr(load, "ndim", 2) == 1 else (n, m), "load")
         check_finite(np.atleast_2d(load), "load")
         return np.broadcast_to(load, (n, m))

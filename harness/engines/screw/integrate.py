@@ -163,7 +163,7 @@ class _Run:
         try:
             solver = method(self.slope, times[0], state, times[-1], **options)
         except (_Near, ScrewgaugeError) as error:
-            return f"the start cannot be: {error}"
+            return f"the initial state is invalid: {error}"
         safe = solver.t, solver.y
         while len(self.work) < len(times):
             try:
@@ -174,7 +174,7 @@ class _Run:
                     between = solver.dense_output() if times[len(self.work)] <= solver.t else None
             except (_Near, ClosureError, SingularPoseError) as error:
                 if tries == len(SIZES) or self.stepped_over == MOST:
-                    return f"t = {safe[0]:.6g} s: no step leads on; {error}"
+                    return f"t = {safe[0]:.6g} s: no step size works; {error}"
                 size = min((solver.step_size or solver.h_abs) * SIZES[tries], times[-1] - safe[0])
                 tries, self.stepped_over = tries + 1, self.stepped_over + 1
                 continue
@@ -257,17 +257,17 @@ def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
     """Return the times and the initial state; reject invalid ones."""
     where, times, settings = lay.mechanism.name, task.grid, task.integration
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all() or not np.isfinite(times).all():
-        raise DescriptionError("times do not increase", where, "give two or more finite times in order")
+        raise DescriptionError("times must increase", where, "use at least two finite times in increasing order")
     if not (0.0 < settings.rtol < 1.0 and 0.0 < settings.atol < np.inf):
         raise DescriptionError(
-            f"tolerances rtol = {settings.rtol:g}, atol = {settings.atol:g}", where, "give small positive numbers"
+            f"tolerances rtol = {settings.rtol:g}, atol = {settings.atol:g}", where, "use small positive numbers"
         )
     k = len(lay.mechanism.independent)
     for values in (task.start, task.rates):
         if np.shape(values) != (k,) or not np.isfinite(values).all():
             raise DescriptionError(
-                f"start or rates of shape {np.shape(values)} for {k} independent coordinates",
+                f"start and rates must have shape ({k},) and be finite, got shape {np.shape(values)}",
                 where,
-                f"give {k} finite numbers",
+                f"use {k} finite numbers",
             )
     return times, np.concatenate([task.start, task.rates, [0.0]])

@@ -69,7 +69,9 @@ class ScrewModel:
     @property
     def lacks(self) -> dict[str, str]:
         """Reasons for the quantities that the engine lacks."""
-        return {} if self.settings.precision == FLOAT64.name else {"mass_matrix": "no program has a mass matrix"}
+        return (
+            {} if self.settings.precision == FLOAT64.name else {"mass_matrix": "programs do not compute mass matrices"}
+        )
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Solve a problem.
@@ -148,7 +150,7 @@ class ScrewModel:
         mechanism = self.lay.mechanism
         if task.tau is None or task.coordinates != mechanism.coordinates:
             raise ModelFileError(
-                "takes states of all joint coordinates with the forces along them", self.where, "give q, v and tau"
+                "expected states of all joint coordinates with the forces along them", self.where, "pass q, v and tau"
             )
         clock, applied = Stopwatch(), replace(problem.applied, motors=())
         yd = task.v[:, mechanism.independent_columns]

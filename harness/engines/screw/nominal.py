@@ -64,11 +64,13 @@ class NominalMachine:
         self.scene, self.problem = scene, scene.problem([*wanted])
         self.lay = layout(scene.mechanism)
         if scene.motion.idle:
-            what = "a freedom that no actuator drives follows from the forces"
-            raise DescriptionError(what, "compile, parameters", "give it a motion, or vary the scene by scene.with_")
+            what = "the motion of an undriven coordinate follows from the forces"
+            raise DescriptionError(
+                what, "compile, parameters", "prescribe its motion, or vary the scene with scene.with_"
+            )
         if any(load.sampled for load in scene.applied.loads):
-            what = "a load is known at the times of a file only"
-            raise DescriptionError(what, "compile, parameters", "write it as a course over time")
+            what = "a load is known only at the times of its file"
+            raise DescriptionError(what, "compile, parameters", "define it as a function of time")
         check_traceable(self.lay, self.problem)
         self.work = Work(self.lay, self.problem)
         names = self.work.names()
@@ -106,7 +108,7 @@ class NominalMachine:
         if t is None and not (
             all(x.course.constant for x in applied.motors) and not any(x.courses for x in applied.loads)
         ):
-            raise DescriptionError("a motor or a load changes over time, which samples do not say", "compile", "give t")
+            raise DescriptionError("a motor or a load depends on time, but t is missing", "compile", "pass t")
         times = np.arange(float(len(y))) if t is None else np.array(t, dtype=float)
         check_array(times, (len(y),), "t")
         given = (y, yd, ydd, times)
@@ -128,7 +130,7 @@ class NominalMachine:
             if rows.any():
                 first = int(np.argmax(rows))
                 where = f"row {first} ({self.scene.mechanism.described(motion.y[first])})"
-                raise ClosureError(what, where, "shorten the way from home, or give t")
+                raise ClosureError(what, where, "use samples nearer to home, or pass t")
         return mode.close(guess)
 
 

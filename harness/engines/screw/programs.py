@@ -332,9 +332,9 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
     mechanism, undriven = lay.mechanism, sum(map(len, undriven_columns(lay, problem)))
     if ACTUATED & problem.wanted and len(mechanism.actuator_names) < len(mechanism.independent) - undriven:
         reason = "there are fewer actuators than freedoms"
-        raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
+        raise NotTraceableError(reason, mechanism.name, "use the array solver")
     if "mass_matrix" in problem.wanted:
-        raise NotTraceableError("no program has a mass matrix", mechanism.name, "the array solver answers it")
+        raise NotTraceableError("programs do not compute mass matrices", mechanism.name, "use the array solver")
 
 
 def flat(arrays: Mapping[str, Array]) -> bool:

@@ -30,8 +30,8 @@ from screwgauge.solution import Solution
 
 #: Samples of the motion at which pivots are chosen.
 ANCHORS = 16
-LOST = "it is not reached from home without passing near a singular pose"
-TWICE = "two poses of these coordinates are reached from home, so that they do not say which is meant"
+LOST = "the pose cannot be reached from home without passing near a singular pose"
+TWICE = "two poses with these coordinates can be reached from home, so the coordinates are ambiguous"
 
 
 class TracedWork:
@@ -214,12 +214,12 @@ class TracedWork:
         if not self.guessed:
             return None
         guess, lost, twice = self.work.mode.reach(motion.y)
-        for rows, what, remedy in ((lost, LOST, "shorten the way from home"), (twice, TWICE, "give t")):
+        for rows, what, remedy in ((lost, LOST, "use samples nearer to home"), (twice, TWICE, "pass t")):
             if rows.any():
                 first, count = int(np.argmax(rows)), int(np.count_nonzero(rows))
-                where = f"row {motion.t[first]:.0f} ({self.lay.mechanism.described(motion.y[first])})"
-                others = f" and {count - 1} further rows" if count > 1 else ""
-                raise ClosureError(f"{what}{others}", where, remedy)
+                others = f" and {count - 1} more rows" if count > 1 else ""
+                where = f"row {motion.t[first]:.0f} ({self.lay.mechanism.described(motion.y[first])}){others}"
+                raise ClosureError(what, where, remedy)
         return guess
 
     def part(
@@ -277,7 +277,7 @@ class TracedWork:
                 left = self.bounds.left(out, trust, values, self.by_array)
             if guarded and thorough:
                 zeros = np.setdiff1d(vanishing(values, trust, self.units, self.length), left)
-                self.by_array["zero beside their summands"] += len(zeros)
+                self.by_array["zero relative to their terms"] += len(zeros)
                 left = np.union1d(left, zeros)
         return SolvedPart(values, trust, left, {})
 
@@ -358,7 +358,7 @@ def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
     work.mode.restart()
     clear = np.setdiff1d(np.arange(len(some)), work.part(some, q).trust.doubtful())
     if not clear.size:
-        raise NotTraceableError("the motion is badly conditioned", work.lay.mechanism.name, "use backend array")
+        raise NotTraceableError("the motion is ill-conditioned", work.lay.mechanism.name, "use backend array")
     return some.part(clear), q[clear]
 
 

@@ -249,7 +249,7 @@ class Variants:
         counts = {len(x) for x in given.values() if x.ndim == 1} or {1}
         if len(counts) > 1 or any(x.ndim > 1 for x in given.values()):
             shapes = ", ".join(f"{name} {x.shape}" for name, x in given.items())
-            raise DescriptionError(f"shapes differ: {shapes}", "parameters", "give (V,) values, or one, of each")
+            raise DescriptionError(f"shapes differ: {shapes}", "parameters", "pass one value or V values of each")
         p = np.repeat(self.nominal[:, None], counts.pop(), axis=1)
         for pattern, x in given.items():
             check_finite(np.atleast_1d(x)[:, None], f"parameters, {pattern}")
@@ -370,5 +370,7 @@ def check_choice_of_text(names: Any) -> list[str]:
         DescriptionError: The value is not a nonempty list of strings.
     """
     if isinstance(names, str) or not isinstance(names, Iterable) or not (wanted := [*names]):
-        raise DescriptionError("no names are given", "compile, parameters", 'give a list, such as ["*.mass"]')
+        raise DescriptionError(
+            "expected a nonempty list of names", "compile, parameters", 'pass a list such as ["*.mass"]'
+        )
     return wanted

@@ -92,7 +92,7 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone
     """
     loops, driven = closed.loops, closed.driven
     if closed.file.axial is None:
-        raise ModelFileError("has no [spherical_axial]", "rule spherical_axial", "add it to the loops file")
+        raise ModelFileError("the loops file has no [spherical_axial]", "rule spherical_axial", "add the table")
     name, direction = closed.file.axial
     joint = next(joint for joint in closed.file.joints if joint.name == name)
     constant, shares = _force(joint, closed, alone)

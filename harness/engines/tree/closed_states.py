@@ -42,7 +42,7 @@ def project(mover: Mover, q: Array, v: Array) -> tuple[Array, Array, tuple[float
         rate = float(np.abs(G @ v).max())
     if not np.isfinite([gap, rate]).all():
         raise SingularPoseError(
-            "the state grew until nothing brings it back onto the loops", "integration", "take smaller steps"
+            "the state diverged and cannot be projected onto the closed loops", "integration", "use smaller steps"
         )
     if gap <= ROUNDING and rate <= 4 * ROUNDING * float(np.abs(v).max()):
         return q, v, (gap, rate, gap)

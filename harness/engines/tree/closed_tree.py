@@ -176,7 +176,7 @@ def make_loops(tree: OpenTree, file: LoopsFile) -> TreeLoops:
     cut = tuple(j for j in file.joints if not set(j.coordinates) <= set(tree.coordinates))
     for joint in cut:
         if joint.kind not in POINTS or joint.actuated or joint.rotor.any():
-            what, remedy = f"joint '{joint.name}' is not in the tree", "leave out R and S joints without motor or rotor"
+            what, remedy = f"joint '{joint.name}' is not in the tree", "cut only R and S joints without motor or rotor"
             raise ModelFileError(what, f"model of {tree.engine}", remedy)
     rows: list[tuple[int | None, str, int]] = []
     for name in file.independent.values():

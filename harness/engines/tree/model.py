@@ -32,7 +32,7 @@ def loops_file(files: ModelFiles) -> LoopsFile:
         ModelFileError: The loops file is missing or cannot be read.
     """
     if files.loops is None:
-        raise ModelFileError("has no loops file", str(files.model), "put NAME.loops.toml beside it")
+        raise ModelFileError("has no loops file", str(files.model), "place NAME.loops.toml next to it")
     return read_loops(files.loops)
 
 
@@ -62,7 +62,7 @@ class TreeModel:
         if isinstance(task, GivenMotion):
             return solve_motion(closed, problem, task, progress)
         if dynamics is None:
-            raise ModelFileError("takes given motions only", self._where, "name another engine")
+            raise ModelFileError("this engine only solves given motions", self._where, "choose another engine")
         if isinstance(task, InitialValue) or task.tau is not None:
             self._check_mass()
         if not isinstance(task, InitialValue):
@@ -91,9 +91,9 @@ class TreeModel:
         k = len(loops.independent)
         if isinstance(task, GivenMotion) and task.y.shape[1] != k:
             raise ModelFileError(
-                f"has {k} independent coordinates, the motion {task.y.shape[1]}",
+                f"has {k} independent coordinates, but the motion has {task.y.shape[1]}",
                 self._where,
-                "name a model of the same mechanism",
+                "use a model of the same mechanism",
             )
 
     def _check_mass(self) -> None:
@@ -105,8 +105,8 @@ class TreeModel:
                 heavy.add(body)
                 body = above[body]
         if light := [body for body in tree.bodies if body not in heavy]:
-            what = f"'{light[0]}' has no mass and carries none in the open tree, which {tree.engine} has to accelerate"
-            raise ModelFileError(what, self._where, "run it with screw, or give it mass")
+            what = f"body '{light[0]}' and all that it carries in the open tree have no mass; {tree.engine} needs it"
+            raise ModelFileError(what, self._where, "use screw, or add mass")
 
 
 def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, task: States) -> Solution:
@@ -123,8 +123,8 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
     """
     tree = closed.tree
     if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
-        what = "takes states of its own tree coordinates, with either accelerations or forces"
-        raise ModelFileError(what, f"model of {tree.engine}", "give q, v and one of a, tau")
+        what = "expected states of the tree coordinates with either accelerations or forces"
+        raise ModelFileError(what, f"model of {tree.engine}", "pass q, v and either a or tau")
     into = [task.coordinates.index(name) for name in tree.coordinates]
     out = [tree.coordinates.index(name) for name in task.coordinates]
     q, v = task.q[:, into], task.v[:, into]
@@ -168,7 +168,7 @@ def _resistance(closed: ClosedTree, v: Array) -> Array:
     total, tree = np.zeros_like(v), closed.tree
     for one in resisting_joints(closed):
         if one.coordinate not in tree.coordinates:
-            what = f"states take no {one.what} of '{one.coordinate}', a joint outside the tree"
+            what = f"states cannot include {one.what} of '{one.coordinate}', which is not a tree coordinate"
             raise DescriptionError(what, f"model of {tree.engine}", "add it to the forces along the coordinates")
         column = tree.coordinates.index(one.coordinate)
         total[:, column] += taken(one, v[:, column])
@@ -179,9 +179,9 @@ def _springs(closed: ClosedTree, applied: Applied) -> list[JointSpring]:
     springs = [s for s in applied.springs if isinstance(s, JointSpring) and s.coordinate in closed.tree.coordinates]
     if len(springs) < len(applied.springs) or applied.loads or applied.motors:
         raise DescriptionError(
-            "states take only gravity and springs along joints of the tree besides their forces",
+            "besides the given forces, states can include only gravity and springs along tree coordinates",
             f"model of {closed.tree.engine}",
-            "add all else to the forces along the coordinates",
+            "add other forces to those along the coordinates",
         )
     return springs
 

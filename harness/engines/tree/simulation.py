@@ -80,7 +80,7 @@ class _TreeRun:
             ScrewgaugeError: A joint sticks.
         """
         if held := self.friction.holds(before, after, between or straight(before, after)):
-            raise ScrewgaugeError(held, self.mover.tree.engine, "end the motion before")
+            raise ScrewgaugeError(held, self.mover.tree.engine, "end the motion earlier")
 
     def slope(self, t: float, state: Array) -> Array:
         """Return the derivative of a state, with accelerations on the closed loops. Shape (2 n_v + 1,).
@@ -158,9 +158,11 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     notes = list(mover.notes)
     if run.closed:
         residual, rate = run.drift
-        notes.append(f"largest drift off the closed loops that was removed: {residual:.1e} (m, rad), {rate:.1e} /s")
+        notes.append(
+            f"largest drift off the closed loops, removed after each step: {residual:.1e} (m, rad), {rate:.1e} /s"
+        )
     if steps.over:
-        notes.append(f"{steps.over} steps were made anew with another size, as they met unsafe accelerations")
+        notes.append(f"{steps.over} steps were repeated with another size because accelerations were unreliable")
     simulated = Simulated(
         read_path(closed, run.path, task.start),
         np.array(run.work),
@@ -214,7 +216,7 @@ class _Steps:
                     break
                 if pace.endless(solver.t) and solver.step_size < USUAL * longest:
                     if far is None or back == len(SIZES) or self.over == MOST:
-                        message = f"steps have shrunk to {solver.step_size:.1g} s, and none leads on"
+                        message = f"steps have shrunk to {solver.step_size:.1g} s without progress"
                         break
                     safe, size, pace = far, min(longest * SIZES[back], times[-1] - far[0]), self._pace()
                     back, self.over = back + 1, self.over + 1
@@ -223,7 +225,7 @@ class _Steps:
                 self._keep_passed(solver, safe, clock)
             except SingularPoseError as error:
                 if tries == len(SIZES) or self.over == MOST:
-                    message = f"no step leads on; {error}"
+                    message = f"no step size works; {error}"
                     break
                 size = min(max(recent, default=solver.h_abs) * SIZES[tries], times[-1] - safe[0])
                 tries, self.over = tries + 1, self.over + 1
@@ -266,9 +268,9 @@ def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
     for what, values in (("start", task.start), ("rates", task.rates)):
         if np.shape(values) != (k,):
             raise DescriptionError(
-                f"{what} of shape {np.shape(values)} for {k} independent coordinates",
+                f"{what} must have shape ({k},), got {np.shape(values)}",
                 closed.file.mechanism,
-                f"give {k} numbers",
+                f"use {k} numbers",
             )
     y, yd = task.start[None].astype(float), task.rates[None].astype(float)
     wanted = frozenset(("joint_position", "joint_velocity"))
@@ -339,7 +341,7 @@ def step_through(
                         run.check_moving((t, ends[0]), (begin + done * h, ends[1]))
                 progress(float((begin + done * h - times[0]) / (times[-1] - times[0])))
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
-                    raise SingularPoseError("the state is no longer finite", closed.tree.engine, "take smaller steps")
+                    raise SingularPoseError("the state is no longer finite", closed.tree.engine, "use smaller steps")
                 if done < n:
                     path.add(begin + done * h, q, v)
             keep(end, q, v)
