@@ -12,7 +12,7 @@ from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading, slices
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
-from screwgauge.witness.constraints import closure_gaps, stepped
+from screwgauge.witness.constraints import closure_gaps, move_joints
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import (
     COORDINATES,
@@ -23,7 +23,7 @@ from screwgauge.witness.tree import (
     TreeLink,
     TreeStates,
     coupled_column,
-    stacked,
+    stack_frames,
 )
 
 #: Largest distance from home of a randomly drawn coordinate [rad or m].
@@ -76,7 +76,7 @@ def tree_of(reading: Reading) -> ReadingTree:
     return ReadingTree(
         links=tuple(links[i] for i in number.values()),
         freedom=reading.freedom,
-        bodies=stacked([at[name] for name in reading.bodies]),
+        bodies=stack_frames([at[name] for name in reading.bodies]),
         matter=MassProperties(
             np.array([body.mass for body in bodies]),
             np.array([body.com for body in bodies]).reshape(-1, 3),
@@ -165,7 +165,7 @@ def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
     """
     there, drawn = np.repeat(home(tree.reading).q, n, axis=0), draw(tree.reading, n, seed)
     step = BESIDE * units * np.random.default_rng(seed).normal(size=drawn.qd.shape)
-    return replace(drawn, q=stepped(tree, there, step))
+    return replace(drawn, q=move_joints(tree, there, step))
 
 
 def residual_at_home(tree: ReadingTree) -> dict[str, float]:

@@ -20,7 +20,7 @@ from screwgauge.models.poses import relative, shortest_step
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.constraints import closed
+from screwgauge.witness.constraints import close_loops
 
 #: Largest gap of a closed loop [machine lengths].
 CLOSED = 1e-9
@@ -243,7 +243,7 @@ def at_closed_pose(reading: Reading) -> Reading:
     if max(residual_at_home(tree).values(), default=0.0) <= CLOSED * length_of(reading) and not reading.couplings:
         return reading
     start = home(reading)
-    there, fits = closed(tree, start)
+    there, fits = close_loops(tree, start)
     if not fits[0]:
         return reading
     moved = {n: there.q[0, at] for n, at in tree.places.items() if np.abs(there.q - start.q)[0, at].max() > CLOSED}

@@ -150,5 +150,5 @@ def test_an_independent_angle_chooses_its_triple():
     _, q, _, _ = path(20)
     chart = read(ball, turned(ball.axes, q))
     for i in range(3):
-        off = chart.agreeing(i, q[:, i]).q[:, i] - q[:, i]
+        off = chart.with_angle(i, q[:, i]).q[:, i] - q[:, i]
         assert np.abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))).max() < READ * BY_LOCK

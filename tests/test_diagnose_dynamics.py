@@ -12,7 +12,7 @@ from support.mechanics import (
     STANDARD,
     admissible_projector,
     armature_force,
-    closed,
+    close_loops,
     dynamics,
     inverse_dynamics,
     passive_force,
@@ -28,9 +28,9 @@ from support.readings import (
     draw,
     equations,
     move,
+    move_joints,
     read,
     residual_at_home,
-    stepped,
     tree_of,
 )
 from support.regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
@@ -119,7 +119,7 @@ def test_closed_states_are_closed_and_move_so_to_second_order(zoo):
     weld = ClosureReading("weld", GROUND, reading.bodies["d"].pose, "d", np.eye(4))
     bent = CouplingReading("h2", PolynomialSum(0.1, {"h": np.array([0.7, 0.3])}))
     tree = tree_of(replace(reading, closures={"point": reading.closures["point"], "d": weld}, couplings={"bent": bent}))
-    states, fits = closed(tree, draw(tree.reading, 12, seed=5))
+    states, fits = close_loops(tree, draw(tree.reading, 12, seed=5))
     assert fits.sum() == len(states.q) >= 4
     assert np.abs(states.qd).max() > 0.1
     projector, _ = admissible_projector(equations(tree, states).rows, np.zeros(states.qd.shape[1], dtype=bool), 1.0)
@@ -128,7 +128,7 @@ def test_closed_states_are_closed_and_move_so_to_second_order(zoo):
     step = h * states.qd + 0.5 * h**2 * states.qdd
     w, v = states.qd[:, free][:, :3], states.qd[:, free][:, 3:]
     step[:, free.start + 3 : free.stop] += 0.5 * h**2 * np.cross(w, v)  # the axes turn with the body
-    gap = np.abs(equations(tree, replace(states, q=stepped(tree, states.q, step))).gap).max()
+    gap = np.abs(equations(tree, replace(states, q=move_joints(tree, states.q, step))).gap).max()
     assert gap <= 1e-6 * np.abs(states.qd).max() ** 3
     assert gap < 0.01 * h**2 * np.abs(equations(tree, states).bias).max()
 

@@ -8,7 +8,7 @@ import pytest
 import screwgauge
 from support.command import main
 from support.engines import solve
-from support.judging import LIMIT, Allowance, compare, flagged
+from support.judging import LIMIT, Allowance, compare, flag_samples
 from support.near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
 from support.pages import terminal
 from support.report import estimates, run_in_terminal, summary, verdict
@@ -50,10 +50,10 @@ def test_estimates_are_never_below_the_error_and_not_far_above(ladder, engine):
 def test_the_projected_paths_are_flagged_and_ours_is_not(ladder):
     results = ladder[5]  # 1e-6 rad
     for engine in ("pinocchio", "mujoco"):
-        flags = flagged(results.solutions[engine])
+        flags = flag_samples(results.solutions[engine])
         assert flags["joint_acceleration"].all()
         assert flags["generalized_force"].all()
-    flags = flagged(results.solutions["screw"])
+    flags = flag_samples(results.solutions["screw"])
     assert not any(flags[quantity].any() for quantity in QUANTITIES if quantity != "reaction")
 
 
@@ -63,7 +63,7 @@ def test_estimates_hold_near_a_base_lock():
     screw, truth = results.solutions["screw"], results.solutions["truth"]
     for quantity in QUANTITIES:
         assert (screw.errors[quantity].scaled >= errors(screw, truth, quantity)).all(), quantity
-    assert flagged(screw)["joint_acceleration"][-1]
+    assert flag_samples(screw)["joint_acceleration"][-1]
 
 
 @pytest.mark.slow
@@ -88,8 +88,8 @@ def test_the_full_cut_flags_what_it_loses_at_a_chart_lock(distance):
     found, truth = results.solutions["pinocchio-full"], results.solutions["truth"]
     for quantity in QUANTITIES:
         assert (found.errors[quantity].scaled >= errors(found, truth, quantity)).all(), quantity
-    assert flagged(found)["generalized_force"].all() == (distance < 1e-5)
-    assert not flagged(results.solutions["screw"])["generalized_force"].any()
+    assert flag_samples(found)["generalized_force"].all() == (distance < 1e-5)
+    assert not flag_samples(results.solutions["screw"])["generalized_force"].any()
 
 
 def test_the_judge_says_what_explains_a_residual():
@@ -119,7 +119,7 @@ def test_next_to_singular_poses_nothing_is_wrong_without_a_flag(seed):
             continue  # not to be certified: too near
         for engine in ("screw", "pinocchio"):
             found = results.solutions[engine]
-            for quantity, flags in flagged(found).items():
+            for quantity, flags in flag_samples(found).items():
                 if quantity not in QUANTITIES or flags.any() or quantity == "joint_position":
                     continue  # whole turns of a joint next to its lock are a matter of the way there
                 error = errors(found, results.solutions["truth"], quantity).max()
@@ -235,7 +235,7 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
     scene = replace(scene, task=replace(scene.motion, y=at_lock(scene)))
     results = screwgauge.run(scene, engines=["screw"])
     (refusal,) = results.refusals
-    assert flagged(results.solutions["screw"])["joint_position"].tolist() == [False, True]
+    assert flag_samples(results.solutions["screw"])["joint_position"].tolist() == [False, True]
     assert refusal.rows.tolist() == [1]
     assert set(refusal.quantities) == {"joint_velocity", "joint_acceleration"}
     assert "leg2.wrist is in gimbal lock (leg2.q4 and leg2.q6" in refusal.sentence

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import screwgauge
 from screwgauge import Scene
 from screwgauge.judging.allowance import MOST, WITHIN, Left
-from screwgauge.judging.trust import integrated
+from screwgauge.judging.trust import integration_errors
 from screwgauge.study.simulations import add_observables, loosen
 from support.data import DATA, data
 from support.engines import REFERENCE, Solution, Values, ask, model_files
@@ -165,7 +165,7 @@ def test_the_estimate_holds_the_true_error_of_established_problems(name, engine,
     rows = np.flatnonzero(scene.known.t <= until)[::10]
     right, looser = several(scene.at(scene.known.t[rows]), engine)
     has = right.values["observable"]
-    for unit, estimate in integrated(right, looser)["observable"].items():
+    for unit, estimate in integration_errors(right, looser)["observable"].items():
         honest(estimate, (has.array - scene.known.array[rows])[:, [i for i, u in enumerate(has.units) if u == unit]])
 
 
@@ -208,7 +208,7 @@ def test_the_estimate_holds_the_true_error_of_the_cart_pole(engine):
     column = right.values["joint_position"].components.index("hinge")
     error = right.values["joint_position"].array[:, [column]] - exact("cart-pole", tuple(scene.t.tolist()))
     error = np.maximum.accumulate(np.abs(error).max(axis=1))
-    assert (integrated(right, looser)["joint_position"]["rad"] >= error).all()
+    assert (integration_errors(right, looser)["joint_position"]["rad"] >= error).all()
     assert error[-1] < 1e-7
 
 
@@ -221,7 +221,7 @@ def test_the_estimate_grows_with_a_chaotic_motion(write):
     best = replace(scene, task=replace(scene.start, integration=steps))
     files = model_files(str(DATA / "pendulum.toml"), "screw")
     right, true, *looser = [ask("screw", files, x.problem(MOTION)) for x in (scene, best, *loosen(scene))]
-    estimate = integrated(right, looser)["joint_position"]["rad"]
+    estimate = integration_errors(right, looser)["joint_position"]["rad"]
     q = right.values["joint_position"].array - true.values["joint_position"].array
     error = np.maximum.accumulate(np.abs(within_half_turn(q)).max(axis=1))
     assert (estimate >= error).all()

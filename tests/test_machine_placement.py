@@ -4,7 +4,7 @@ from support.data import data
 from support.machines import (
     Believed,
     align,
-    closed,
+    close_loops,
     coordinate_placement,
     draw,
     load_side,
@@ -25,7 +25,7 @@ PINS = '<connect body1="{0}" anchor="0 -0.1 0"/><connect body1="{0}" anchor="0 0
 
 def elsewhere(reading):
     tree = tree_of(reading)
-    for q in closed(tree, draw(reading, 8))[0].q:
+    for q in close_loops(tree, draw(reading, 8))[0].q:
         values = {name: q[at] if at.stop - at.start > 1 else q[at][0] for name, at in tree.places.items()}
         yield rehome(reading, values)[0]
 

@@ -8,7 +8,7 @@ from support.command import main
 from support.data import data
 from support.errors import DescriptionError
 from support.parameters import numbers
-from support.sweep import CHUNK, Draw, are_consistent, read_plan, sweep, triangle_excess
+from support.sweep import CHUNK, Draw, consistent_bodies, read_plan, sweep, triangle_excess
 
 PLAN = data("plan.toml")
 SCENE = """
@@ -84,8 +84,8 @@ def test_scatter_is_as_wide_as_the_plan_says(plan):
 @pytest.mark.parametrize("body", [[2, 0.1, 0.2, -0.1, 0.02, 0.001, 0, 0.03, 0, 0.04], [1, 0, 0, 0.5, *[0] * 6]])
 def test_bodies_that_scatter_can_exist(body):
     """Also a point mass, whose pseudo-inertia is singular."""
-    found = are_consistent(np.array(body, dtype=float), 0.2 * np.random.default_rng(0).normal(size=(10, 200)))
-    assert are_consistent(np.array(body, dtype=float), np.zeros((10, 1)))[:, 0] == pytest.approx(body, abs=1e-15)
+    found = consistent_bodies(np.array(body, dtype=float), 0.2 * np.random.default_rng(0).normal(size=(10, 200)))
+    assert consistent_bodies(np.array(body, dtype=float), np.zeros((10, 1)))[:, 0] == pytest.approx(body, abs=1e-15)
     for mass, *_, xx, xy, xz, yy, yz, zz in found.T:
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         assert mass > 0.0

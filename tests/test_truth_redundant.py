@@ -13,7 +13,7 @@ from support.geometry import rotation
 from support.mechanism import load_mechanism, mechanism_tables
 from support.singular import four_bar
 from support.tolerances import LINEAR, ROUNDING
-from support.truth import Certifier, Linkage, newton_euler, notes, number, required, state, widened
+from support.truth import Certifier, Linkage, newton_euler, notes, number, required_wrenches, state, widen_decimals
 
 #: Radii where doubles of the geometry are read as rounded: 1e-15 times what is lost on the way to accelerations of 10.
 RADIUS_OF_ROUNDED = 1e-8
@@ -125,11 +125,11 @@ def test_a_regular_pose_is_not_blamed_for_redundant_rows_that_decimals_leave_ope
 
 
 def test_only_long_decimals_are_widened():
-    short, long, text = widened({"position": ["0.5", "0.3333333333333333", "1/3"]})["position"]
+    short, long, text = widen_decimals({"position": ["0.5", "0.3333333333333333", "1/3"]})["position"]
     assert (short, text) == ("0.5", "1/3")
     assert 1e-16 < float(long.rad()) < 1e-15
     assert long.contains(number("1/3"))
-    tiny = widened([["6.123233995736766e-17", "1.0"], [0, 1]])[0][0]
+    tiny = widen_decimals([["6.123233995736766e-17", "1.0"], [0, 1]])[0][0]
     assert tiny.contains(0)
 
 
@@ -153,7 +153,7 @@ def test_size_does_not_matter(name, size, write):
             linkage = Linkage(mechanism, mechanism_tables(path))
             now = state(Certifier(linkage), [[number("1.6"), arb(1), arb(2)]], mechanism.home.tolist())
             B = arb_mat([[now.partial[i, 0]] for i in mechanism.actuated_columns])
-            need = required(linkage, now, [arb(0)] * 3, ())
+            need = required_wrenches(linkage, now, [arb(0)] * 3, ())
             forces.append(newton_euler(linkage, now, B, need, (), axial=False)[1][0, 0])
     with ctx.workprec(192):
         assert (forces[0] * number(size) ** 2).overlaps(forces[1])

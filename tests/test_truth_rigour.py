@@ -97,7 +97,7 @@ def test_csv_motion_has_a_truth(write):
 
 
 def test_routes_that_disagree_are_an_error(monkeypatch):
-    right = forces.required
+    right = forces.required_wrenches
 
     def wrong(linkage, now, gravity, loads):
         b = right(linkage, now, gravity, loads)

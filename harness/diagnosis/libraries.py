@@ -24,7 +24,7 @@ from screwgauge.models.kinematics import ReadingTree, draw, size, tree_of, unmod
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.constraints import DEPENDENT, admissible_projector, clear, closed, equations
+from screwgauge.witness.constraints import DEPENDENT, admissible_projector, close_loops, equations, is_rank_clear
 from screwgauge.witness.dynamics import dynamics, inverse_dynamics, passive_parts
 from screwgauge.witness.tree import TreeStates
 
@@ -97,8 +97,8 @@ def compare_loops(
     if library not in CLOSING or not soft or not all(soft):  # the library ignores loops defined in a separate file
         return {}
     drawn = float(np.abs(states.qdd).max())  # admissible accelerations may be rounding only
-    states, fits = closed(tree, states)
-    states = states.at(clear(equations(tree, states).rows))
+    states, fits = close_loops(tree, states)
+    states = states.at(is_rank_clear(equations(tree, states).rows))
     if not fits.any() or not len(states.q):
         return {}
     rows, bias = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)

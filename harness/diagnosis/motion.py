@@ -16,9 +16,9 @@ from screwgauge.models.kinematics import ReadingTree, home
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation_vector
-from screwgauge.witness.constraints import DEPENDENT, STEPS, equations, newton_step, stepped
+from screwgauge.witness.constraints import DEPENDENT, STEPS, equations, move_joints, newton_step
 from screwgauge.witness.kinematics import Moving, move
-from screwgauge.witness.tree import FixedFrame, TreeStates, stacked
+from screwgauge.witness.tree import FixedFrame, TreeStates, stack_frames
 
 #: Largest misfit of closures and of the poses of partners [rad or machine lengths]; placements of partners are accurate
 #: to 1e-9.
@@ -59,8 +59,8 @@ def follow(
         (n, n_freedom, n_leader); True where all bodies follow and all loops are closed, shape (n,).
     """
     bodies, joints = partners
-    at = stacked([_frame(leader, name, T) for name, _, T in bodies])
-    own = stacked([_frame(tree, other, np.eye(4)) for _, other, _ in bodies])
+    at = stack_frames([_frame(leader, name, T) for name, _, T in bodies])
+    own = stack_frames([_frame(tree, other, np.eye(4)) for _, other, _ in bodies])
     lead, there = move(leader, states), _start(leader, states, tree, joints)
     wanted = lead.links.frames(at)
     for _ in range(STEPS):
@@ -68,7 +68,7 @@ def follow(
         here = motion.links.frames(own)
         off, (Q, R) = _off(here, wanted), np.linalg.qr(_rows(motion.jacobian(own, here.p)))
         step = newton_step(R, (np.swapaxes(Q, 1, 2) @ off[..., None])[..., 0])
-        there = replace(there, q=stepped(tree, there.q, step))
+        there = replace(there, q=move_joints(tree, there.q, step))
         if np.abs(off).max(initial=0.0) <= NEAR * tree.length:  # quadratic convergence: this step reaches rounding
             break
     Q, R = np.linalg.qr(_rows(move(tree, there).jacobian(own, wanted.p)))

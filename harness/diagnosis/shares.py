@@ -23,7 +23,7 @@ from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.reference.linear import null_space
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.constraints import DEPENDENT, closed, equations
+from screwgauge.witness.constraints import DEPENDENT, close_loops, equations
 from screwgauge.witness.dynamics import inverse_dynamics
 from screwgauge.witness.tree import TreeStates
 
@@ -45,7 +45,7 @@ def freedom_left(reading: Reading, seed: int = 0) -> int:
     tree = tree_of(reading)
     if not (reading.closures or reading.couplings):
         return reading.freedom
-    states, _ = closed(tree, near_home(tree, 3, _units(reading), seed))
+    states, _ = close_loops(tree, near_home(tree, 3, _units(reading), seed))
     ranks = [int(np.linalg.matrix_rank(rows, tol=1e-7)) for rows in equations(tree, states).rows]
     return reading.freedom - min(ranks) if ranks else -1
 
@@ -109,7 +109,7 @@ class Torques:
         tree = tree_of(self.reading)
         if not (self.reading.closures or self.reading.couplings):
             return draw(self.reading, STATES, self.seed)
-        return closed(tree, near_home(tree, STATES, _units(self.reading), self.seed))[0]
+        return close_loops(tree, near_home(tree, STATES, _units(self.reading), self.seed))[0]
 
     @cached_property
     def bases(self) -> list[Array] | None:

@@ -63,9 +63,9 @@ class DrakeTree(kit.OpenTree):
         self.matter = kit.Matter(self.masses, self.com, np.array([I.CopyToFullMatrix3() for I in about]))
         rotors = {one.coordinate: one.amount for one in kit.resistances(file.joints, ("rotor",))}
         self.rotors = np.array([rotors.get(name, 0.0) for name in self.coordinates])
-        self.under(None)
+        self.set_gravity(None)
 
-    def under(self, gravity: Array | None) -> None:
+    def set_gravity(self, gravity: Array | None) -> None:
         """Set gravity."""
         self.g = np.array(kit.GRAVITY if gravity is None else gravity)
         self.plant.mutable_gravity_field().set_gravity_vector(self.g)

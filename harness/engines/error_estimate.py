@@ -137,7 +137,7 @@ class SolvedPart:
     moved: Mapping[str, Array]
 
 
-def shakes(A: Array, k: int) -> list[Array]:
+def perturbations(A: Array, k: int) -> list[Array]:
     """Return two perturbations of the unknowns of the size of rounding: in the most sensitive and a generic direction.
 
     Args:
@@ -156,7 +156,7 @@ def shakes(A: Array, k: int) -> list[Array]:
     return [(inverse @ noise[..., None])[..., 0] for noise in noises]
 
 
-def examined(
+def examine_part(
     values: dict[str, Array],
     trust: Trust,
     A: Array,
@@ -169,17 +169,17 @@ def examined(
     """Complete a part of a solution: solve doubtful samples again, and reject singular ones.
 
     Args:
-        A, k: As for `shakes`.
-        units, length: As for `vanishing`.
+        A, k: As for `perturbations`.
+        units, length: As for `vanishing_samples`.
         again: Solves samples with perturbed unknowns: rows, (n_row, n_unknown) -> quantity -> (n_row, m).
         clock: Counts all work as the stage "error estimate".
     """
     with clock.stage("error estimate"):
         spent = dict(clock.spent)
-        doubtful: Rows = np.union1d(trust.doubtful(), vanishing(values, trust, units, length))
+        doubtful: Rows = np.union1d(trust.doubtful(), vanishing_samples(values, trust, units, length))
         moved = {name: np.zeros((len(doubtful), array.shape[1])) for name, array in values.items()}
         with np.errstate(all="ignore"):  # near a singular pose results may be arbitrary, and are then rejected
-            for shake in shakes(A[doubtful], k) if doubtful.size else ():
+            for shake in perturbations(A[doubtful], k) if doubtful.size else ():
                 for name, array in again(doubtful, shake).items():
                     away = np.abs(array - values[name][doubtful])
                     moved[name] = np.fmax(moved[name], np.where(np.isfinite(away), away, np.inf))
@@ -193,12 +193,12 @@ def examined(
     return SolvedPart(values, trust, doubtful, moved)
 
 
-def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
+def vanishing_samples(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
     """Choose representative samples to solve again where the values in one unit vanish relative to their terms.
 
     Values that cancel are measured by their terms, which may be a million times the comparison scale. Powers of the
     gain ignore cancellation and would then allow far too large errors. One sample represents all samples with smaller
-    powers, see `absolute`.
+    powers, see `absolute_error`.
 
     Args:
         values: Quantity -> shape (n, m).
@@ -256,7 +256,7 @@ def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float,
         zero = float(size.max(initial=0.0)) <= FLOOR * most_of_all
         error, most = (
             np.concatenate(
-                [absolute(name, part, one[k], columns, zero=zero) for part, one in zip(parts, each, strict=True)]
+                [absolute_error(name, part, one[k], columns, zero=zero) for part, one in zip(parts, each, strict=True)]
             )
             for k in (3, 4)
         )
@@ -272,7 +272,7 @@ def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float,
     return Error(scaled, rounding, np.concatenate([part.trust.of(name) for part in parts]))
 
 
-def absolute(name: str, part: SolvedPart, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:
+def absolute_error(name: str, part: SolvedPart, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:
     """Return the largest estimated error of the given components, in their unit.
 
     Args:

@@ -14,7 +14,7 @@ from importlib.metadata import version
 import numpy as np
 
 import screwgauge.plugins as kit
-from screwgauge.engines.virtual_work import Equations, axial
+from screwgauge.engines.virtual_work import Equations, axial_vector
 
 #: Largest number of operations that a trace records; a program has a tenth of these.
 MOST = 1_000_000
@@ -120,7 +120,7 @@ class SolvedMotion:
     def spin(self, name: str) -> kit.Array:
         """Return angular velocities or accelerations of bodies from orientation derivatives. Shape (n, 3 n_body)."""
         products = self.matrices(name)[:, 1:] @ self.matrices("pose")[:, 1:].swapaxes(2, 3)
-        return np.stack(axial(products), axis=-1).reshape(self.n, -1)
+        return np.stack(axial_vector(products), axis=-1).reshape(self.n, -1)
 
     @cached_property
     def state(self) -> dict[str, kit.Array]:
@@ -219,7 +219,7 @@ class SolvedMotion:
         for j, v in enumerate(np.moveaxis(self.K, 2, 0)):
             rate = self.equations.motion(self.n, q=self.q, v=v)["rate"].reshape(self.n, -1, 12)
             turned = rate[..., :9].reshape(self.n, -1, 3, 3)
-            twists[:, 1:, :3, j] = np.stack(axial(turned @ R[:, 1:].swapaxes(2, 3)), axis=-1)
+            twists[:, 1:, :3, j] = np.stack(axial_vector(turned @ R[:, 1:].swapaxes(2, 3)), axis=-1)
             twists[:, 1:, 3:, j] = rate[..., 9:] - times(turned, com)
         B, index = self.K[:, self.mechanism.actuated_columns], self.mechanism.body_index
         found, self.conditions["jacobian"] = kit.per_actuator(twists, R, self.points, index, B, idle=self.motion.idle)

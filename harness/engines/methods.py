@@ -60,7 +60,7 @@ State = tuple[float, Array]
 """Time, and coordinates, their rates and the work. Shape (2 n + 1,)."""
 
 
-def straight(before: State, after: State) -> Callable[[float], Array]:
+def interpolate_linearly(before: State, after: State) -> Callable[[float], Array]:
     """Interpolate a step linearly between its ends."""
     (begin, first), (end, last) = before, after
     return lambda t: first + (t - begin) / (end - begin) * (last - first)

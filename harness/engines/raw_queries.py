@@ -60,7 +60,7 @@ class Answers:
 Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], Answers]
 
 
-def carried(states: JointStates, frame: Array) -> tuple[Array, Array]:
+def frame_motion(states: JointStates, frame: Array) -> tuple[Array, Array]:
     """Convert the reading's motion to the motion of a frame of the library.
 
     Args:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from screwgauge.engines.chunks import PART
-from screwgauge.engines.error_estimate import ACCELERATED, SAFETY, Trust, by_powers, by_unit, shakes
+from screwgauge.engines.error_estimate import ACCELERATED, SAFETY, Trust, by_powers, by_unit, perturbations
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.problem import GivenMotion, Problem, spread
 from screwgauge.quantities import OF_JOINTS, NumberType, arm
@@ -66,7 +66,7 @@ def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, f
         return {}
     work, some = Work(layout(mechanism), problem), task.part(spread(len(task), MOST))
     with np.errstate(all="ignore"):
-        trust = work.beyond(work.close(some, work.predict(some)), some)[1]
+        trust = work.evaluate(work.close(some, work.predict(some)), some)[1]
         errors = {name: SAFETY * float(np.nanmax(by_powers(name, trust) * rush)) for name, rush in trust.rushes.items()}
     units = {name: work.names()[name][1] for name in errors.keys() & problem.wanted}
     return {name: {unit: errors[name] * arm(unit, work.loops.length) for unit in units[name]} for name in units}
@@ -80,9 +80,9 @@ def _part(work: Work, motion: GivenMotion, kind: NumberType) -> dict[str, Sizes]
     """Return the errors of some samples by quantity."""
     closed = work.close(motion, work.predict(motion))
     with np.errstate(all="ignore"):  # near a singular pose the error is unknown
-        values, trust, A = work.beyond(closed, motion)
-        noises = [noise * (kind.eps / linear.EPS) for noise in shakes(A, motion.y.shape[1])]
-        shaken = [work.shaken(closed, motion, noise) for noise in noises]
+        values, trust, A = work.evaluate(closed, motion)
+        noises = [noise * (kind.eps / linear.EPS) for noise in perturbations(A, motion.y.shape[1])]
+        shaken = [work.perturbed_values(closed, motion, noise) for noise in noises]
         rounded = 0.5 * kind.eps * operations(work.lay.mechanism) ** 0.5
         return {name: _sizes(work, name, trust, values[name], [x[name] for x in shaken], rounded) for name in values}
 

@@ -20,7 +20,7 @@ Pose = tuple[Any, Any]
 """R and p of a frame in the world, of numbers of a trace and floats. Shapes (3, 3), (3,)."""
 
 
-def outward(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:
+def outward_tree(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:
     """List the joints of an open tree outward from ground, and the remaining joints.
 
     A flag marks tree joints whose parent is the inner body. The tree has as few joints as possible between each body
@@ -41,12 +41,12 @@ def skew(v: Any) -> Any:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]], dtype=object)
 
 
-def axial(M: Any) -> list[Any]:
+def axial_vector(M: Any) -> list[Any]:
     """Return the axial vector of a matrix's skew part. (..., 3, 3) -> three numbers."""
     return [0.5 * (M[..., i, j] - M[..., j, i]) for i, j in ((2, 1), (0, 2), (1, 0))]
 
 
-def at(pose: Pose, p: Any) -> Any:
+def world_point(pose: Pose, p: Any) -> Any:
     """Return the world position of a body-fixed point. Shape (3,)."""
     return pose[1] + pose[0] @ p
 
@@ -55,7 +55,7 @@ class Equations:
     """Programs of a mechanism under given loads and springs.
 
     Attributes:
-        tree, cuts: See `outward`.
+        tree, cuts: See `outward_tree`.
         inputs: Coordinates q, their derivatives v and a, gravity g, force and torque of each load, tension of each
             spring between points, multipliers of the gaps, and virtual displacements. At each tree joint these are a
             translation and a rotation of all bodies beyond it, about the joint's child-side point.
@@ -69,7 +69,7 @@ class Equations:
     def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied, trace: kit.Trace) -> None:
         self.mechanism, self.applied, n = mechanism, applied, len(mechanism.coordinates)
         self.springs = [spring for spring in applied.springs if isinstance(spring, kit.PointSpring)]
-        self.tree, self.cuts = outward(mechanism)
+        self.tree, self.cuts = outward_tree(mechanism)
         sizes = {"q": n, "v": n, "a": n, "g": 3, "loads": 6 * len(applied.loads), "pulls": len(self.springs)}
         sizes |= {"multipliers": 6 * len(self.cuts) + len(mechanism.couplings), "moved": 6 * len(self.tree)}
         self.inputs = {name: [trace.input(np.ones(1)) for _ in range(size)] for name, size in sizes.items()}
@@ -79,7 +79,7 @@ class Equations:
         self.gaps = [*self._gaps(self.pose), *(self.q[i] - sum(value for _, value in terms) for i, terms in coupled)]
         self.rate = partial(kit.tangents, rates=dict(zip(self.q, v, strict=True)))
         bodies = [(self.pose[body.name], body.com) for body in mechanism.bodies]
-        self.flat = [x for pose, com in bodies for x in (*pose[0].flat, *at(pose, com))]
+        self.flat = [x for pose, com in bodies for x in (*pose[0].flat, *world_point(pose, com))]
         self.second = kit.tangents(self.rate(self.flat), dict(zip(self.q + v, v + a, strict=True)))
 
     @cached_property
@@ -136,7 +136,7 @@ class Equations:
         pose = self._poses(self.inputs["moved"])
         changes = np.array(self.second, dtype=object).reshape(-1, 12)
         for body, second in zip(self.mechanism.bodies, changes, strict=True):
-            yield from zip(at(pose[body.name], body.com), body.mass * (second[9:] - inputs["g"]), strict=True)
+            yield from zip(world_point(pose[body.name], body.com), body.mass * (second[9:] - inputs["g"]), strict=True)
             moments = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia  # integral of x x^T dm
             yield from zip(pose[body.name][0].flat, (second[:9].reshape(3, 3) @ moments).flat, strict=True)
         for load, (force, torque) in zip(self.applied.loads, inputs["loads"].reshape(-1, 2, 3), strict=True):
@@ -144,13 +144,13 @@ class Equations:
                 continue
             point, R = self.mechanism.body(load.body).com if load.point is None else load.point, self.pose[load.body][0]
             force, torque = (R @ x if load.axes == "body" else x for x in (force, torque))
-            yield from zip(at(pose[load.body], point), -force, strict=True)
+            yield from zip(world_point(pose[load.body], point), -force, strict=True)
             yield from zip(pose[load.body][0].flat, (-0.5 * skew(torque) @ R).flat, strict=True)
         yield from zip((self._length(spring, pose) for spring in self.springs), inputs["pulls"], strict=True)
         yield from zip(self._gaps(pose), -inputs["multipliers"], strict=False)
 
     def _length(self, spring: kit.PointSpring, pose: Mapping[str, Pose]) -> Any:
-        a, b = (at(pose[name], point) for name, point in spring.ends)
+        a, b = (world_point(pose[name], point) for name, point in spring.ends)
         return kit.apply("sqrt", (b - a) @ (b - a))
 
     def _across(self, joint: kit.Joint) -> Pose:
@@ -170,7 +170,7 @@ class Equations:
         for (joint, out), x in zip(self.tree, np.array(moved, dtype=object).reshape(-1, 6), strict=True):
             ((near, inner), (far, outer)), (A, s) = joint.sides if out else joint.sides[::-1], self._across(joint)
             A, s = (A, s) if out else (A.T, -(A.T @ s))
-            R, p = pose[near][0] @ inner.R, at(pose[near], inner.p)
+            R, p = pose[near][0] @ inner.R, world_point(pose[near], inner.p)
             turn, arm = np.eye(3) + skew(x[3:]), np.zeros(3) if out else R @ s  # from the joint's point of the child
             p, R = p + R @ s - arm + x[:3] + turn @ arm, turn @ R @ A @ outer.R.T
             pose[far] = R, p - R @ outer.p
@@ -180,5 +180,5 @@ class Equations:
         for joint in self.cuts:
             (before, inner), (after, outer) = joint.sides
             A, s = self._across(joint)
-            yield from at(pose[after], outer.p) - at(pose[before], inner.p + inner.R @ s)
-            yield from axial(pose[after][0] @ outer.R @ (pose[before][0] @ inner.R @ A).T)
+            yield from world_point(pose[after], outer.p) - world_point(pose[before], inner.p + inner.R @ s)
+            yield from axial_vector(pose[after][0] @ outer.R @ (pose[before][0] @ inner.R @ A).T)

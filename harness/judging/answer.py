@@ -81,7 +81,7 @@ class Answer:
         """Return True if the answer has all of these quantities."""
         return set(quantities) <= set(self.values)
 
-    def loosened(self, quantity: str, unit: str) -> float:
+    def loose_scale(self, quantity: str, unit: str) -> float:
         """Return the largest magnitude of a quantity in a unit if the scene loosens its tolerance, else 0."""
         if quantity not in self.looser or not self.has(quantity):
             return 0.0
@@ -100,7 +100,7 @@ class Answer:
         size, rate = largest(self.joints[order] * per), largest(self.joints[1] * per)
         return arm(unit, L) * (max(size, rate**2) if order == 2 else size)
 
-    def moving(self, joints: Array) -> Answer:
+    def with_joints(self, joints: Array) -> Answer:
         """Replace joint coordinates and derivatives. Shape (3, n, n_q)."""
         return replace(self, joints=joints, motion=move(self.tree, TreeStates(*joints)))
 
@@ -177,7 +177,7 @@ def answer_at(
         applied=problem.applied,
         rule=problem.rule,
         tree=tree,
-        t=timed(problem).t[rows],
+        t=motion_task(problem).t[rows],
         points=problem.points,
         values=values,
         work=None if solution.work is None else solution.work[rows],
@@ -192,7 +192,7 @@ def answer_at(
     )
 
 
-def timed(problem: Problem) -> GivenMotion | InitialValue:
+def motion_task(problem: Problem) -> GivenMotion | InitialValue:
     """Return the problem's task; raise TypeError unless it is a motion over time."""
     if isinstance(problem.task, States):
         raise TypeError("states of an open tree are not a motion over time and cannot be compared or judged")

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.judging.allowance import Allowance, Granted
-from screwgauge.judging.answer import largest, timed
+from screwgauge.judging.answer import largest, motion_task
 from screwgauge.judging.assembly_modes import other_assemblies
 from screwgauge.judging.residual import ERROR_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
 from screwgauge.judging.trust import Refusal
@@ -48,7 +48,7 @@ def compare(
         One row per component, and one row per quantity and unit (see `Results`).
     """
     errors, pairs = list[SizedResidual](), list[SizedResidual]()
-    t, scales = timed(problem).t, natural_scales(mechanism)
+    t, scales = motion_task(problem).t, natural_scales(mechanism)
     # the truth is the reference: it comes first in its pairs and scales all others
     ordered, tolerance_of = reference_first(solutions.values()), allowance.tolerance_of
     apart = other_assemblies(mechanism, problem, ordered)

@@ -23,13 +23,13 @@ from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.resistance import RESISTS, Resistance
 from screwgauge.reference.rotations import Array, across_direction, cross, times
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
-from screwgauge.witness.dynamics import along, momentum, newton_euler
+from screwgauge.witness.dynamics import momentum, newton_euler, project_forces
 from screwgauge.witness.joints import MechanismTree, mechanism_tree, open_tree
 from screwgauge.witness.kinematics import TreeMotion, move, unit_twists, velocity_products
 from screwgauge.witness.tree import TreeStates
 from screwgauge.witness.wrenches import (
     UnitWrench,
-    balancing,
+    balance_amounts,
     exerted_on_bodies,
     load_in_world,
     unit_wrenches,
@@ -128,7 +128,7 @@ def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]
     joints = {joint.name for joint in mechanism.joints if {*mechanism.columns(joint.coordinates)} & {*columns}}
     tree, bodies, shares = open_tree(mechanism, spanning_tree(mechanism), joints)
     still = np.zeros_like(at.states.q)
-    forces = along(move(tree, TreeStates(at.states.q, still, still)), own[:, :, bodies] * shares[:, None])
+    forces = project_forces(move(tree, TreeStates(at.states.q, still, still)), own[:, :, bodies] * shares[:, None])
     return _units(mechanism, columns), np.moveaxis(forces[..., columns], 0, 2)
 
 
@@ -165,7 +165,7 @@ def _balance(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]:
     rules = np.zeros((len(q), nothing.shape[1], len(units)))
     rules[:, :, columns] = nothing
     columns_of = wrench_columns(units, tree, com)
-    return units, balancing(units, columns_of, np.moveaxis(whole, 0, 3), tree.length, rules)
+    return units, balance_amounts(units, columns_of, np.moveaxis(whole, 0, 3), tree.length, rules)
 
 
 def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ ROUNDED = 1e-3
 _ABOUT = ("joint_acceleration", *BODY_MOTION.values())
 
 
-def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
+def neutral_motions(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
     """Return motions of y that move no actuator, one per idle coordinate. Shape (n, k, m)."""
     B = admissible.partial[:, answer.mechanism.actuated_columns]
     given = given_columns(B.shape[2], idle)
@@ -45,7 +45,7 @@ def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -
     return N
 
 
-def of_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
+def accelerations_from_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
     """Return the joint accelerations due to idle accelerations, found from the engine's body motions. Shape (n, n_q).
 
     Args:
@@ -104,7 +104,7 @@ def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> 
     """
     required, sizes = residuals.required_wrenches(answer)
     load = residuals.level_sizes(sizes, answer.scales["m"])[:, 1].max(initial=0.0)
-    bodies = admissible.bodies @ neutral(answer, admissible, idle)[:, None]
+    bodies = admissible.bodies @ neutral_motions(answer, admissible, idle)[:, None]
     terms = np.einsum("bx,nbxj->nj", np.repeat(sizes, 3, axis=1), np.abs(bodies))
     columns = [answer.mechanism.independent_columns[k] for k in idle]
     arms = np.array([arm(answer.mechanism.units[column], answer.scales["m"]) for column in columns])
@@ -152,18 +152,18 @@ def _answer_at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
     mechanism = answer.mechanism
     joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
     joints[0] = answer.q[rows]
-    other = replace(answer, t=given.t, values={}).moving(joints)
+    other = replace(answer, t=given.t, values={}).with_joints(joints)
     for _ in range(NEWTON):
         gaps = residual(other.tree, other.states, other.motion)
         missing = given.y - other.q[:, mechanism.independent_columns]
         joints[0] += _admissible(other).joints(missing, gaps)
-        other = other.moving(joints)
+        other = other.with_joints(joints)
     admissible = _admissible(other)
     joints[1] = admissible.joints(given.yd)
-    other = other.moving(joints)
+    other = other.with_joints(joints)
     still = given.ydd * ~np.isin(np.arange(given.ydd.shape[1]), given.idle)
     joints[2] = admissible.joints(still, residual(other.tree, other.states, other.motion, 2))
-    return other.moving(joints)
+    return other.with_joints(joints)
 
 
 def _admissible(answer: Answer) -> AdmissibleMotion:
@@ -177,6 +177,6 @@ def _accelerations(answer: Answer, given: GivenMotion) -> tuple[Array, Array]:
     missing, terms = _work(answer, admissible, idle)
     M = residuals.inertia_of(answer, admissible)[..., idle]
     own = np.diagonal(M[:, idle], axis1=1, axis2=2).min(axis=0)
-    back = neutral(answer, admissible, idle).swapaxes(1, 2)
+    back = neutral_motions(answer, admissible, idle).swapaxes(1, 2)
     x = -np.linalg.solve(back @ M, missing[..., None])[..., 0]
     return np.asarray(x, dtype=float), np.asarray(terms / np.maximum(own, np.finfo(float).tiny))

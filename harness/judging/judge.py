@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.judging import residuals
-from screwgauge.judging.answer import Answer, answer_at, largest, timed
-from screwgauge.judging.idle import idle_residuals, least_inertia, of_bodies
+from screwgauge.judging.answer import Answer, answer_at, largest, motion_task
+from screwgauge.judging.idle import accelerations_from_bodies, idle_residuals, least_inertia
 from screwgauge.judging.residual import JUDGE_COLUMNS, Residuals, frame
 from screwgauge.judging.trust import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
@@ -53,7 +53,7 @@ def judge(
             limits the residuals of that quantity.
         again: The same simulation with looser tolerances.
     """
-    task = timed(problem)
+    task = motion_task(problem)
     rows: Rows = np.arange(len(task)) if solution.rows is None else solution.rows
     for one in refused:
         if one.engine == solution.engine:
@@ -73,7 +73,7 @@ def judge(
         whole, some = (replace(part, admitted=0.0) for part in parts)
         table = [*closure(whole)]
         if whole.has(*_MOTION):
-            table += residuals.virtual_work(some, admitted_by(some), *residuals.required_wrenches(some))
+            table += residuals.virtual_work(some, admitted_motion(some), *residuals.required_wrenches(some))
         grown = integrated_tolerance(task.integration.rtol, task.integration.atol)
         as_far = [one for one in again if np.isin(rows, common_rows(len(task), one)).all()]
         others = [answer_at(mechanism, problem, one, rows, tolerance) for one in as_far]
@@ -101,9 +101,9 @@ def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals
     tree, forces = (any(some.has(name) for name in names) for names in (residuals.TREE_FORCES, _FORCES))
     lacking = not some.has(*_MOTION)
     if lacking or forces:
-        admissible = admitted_by(some)
+        admissible = admitted_motion(some)
     if lacking:
-        whole = some = completed(some, admissible, motion)
+        whole = some = complete_motion(some, admissible, motion)
         if not some.has("joint_velocity"):
             yield from closure(some, motion, [2])
     yield from body_motions(whole)
@@ -113,9 +113,9 @@ def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals
     if whole.has("resistance"):
         yield from residuals.resistance(whole)
     if some.has("mass_matrix"):
-        yield from residuals.mass_matrix(some, admitted_by(some))
+        yield from residuals.mass_matrix(some, admitted_motion(some))
     if some.has("jacobian"):
-        yield from residuals.jacobian(some, admitted_by(some), motion.idle)
+        yield from residuals.jacobian(some, admitted_motion(some), motion.idle)
     if tree:
         yield from residuals.tree_forces(some)
 
@@ -123,7 +123,7 @@ def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals
 def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residuals:
     """Yield residuals of forces of the closed mechanism, at a few samples if some forces were not requested."""
     required = residuals.required_wrenches(some)
-    full = residuals.balanced(some, required[0])
+    full = residuals.complete_forces(some, required[0])
     every, needed = (whole, residuals.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
     if some.has("reaction"):
         yield from residuals.newton_euler(every, *needed)
@@ -182,7 +182,7 @@ def body_motions(answer: Answer) -> Residuals:
             yield answer.residual("body_motion", unit, values.components, missing, size, about)
 
 
-def admitted_by(answer: Answer) -> AdmissibleMotion:
+def admitted_motion(answer: Answer) -> AdmissibleMotion:
     """Return the motions that the loops admit at the poses of an answer."""
     mechanism = answer.mechanism
     return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
@@ -195,7 +195,7 @@ def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solutio
     """
     found = list[dict[str, float]]()
     for solution in solutions:
-        rows: Rows = np.arange(len(timed(problem))) if solution.rows is None else solution.rows
+        rows: Rows = np.arange(len(motion_task(problem))) if solution.rows is None else solution.rows
         if rows.size and _knows_joints(solution):
             answer, admissible = answer_in_motion(mechanism, problem, solution, rows[_few(rows)])
             sizes = _summands(answer)
@@ -221,21 +221,21 @@ def answer_in_motion(
 ) -> tuple[Answer, AdmissibleMotion]:
     """Return the answer at some samples, completed if the motion is given, and the motions that its loops admit."""
     answer = answer_at(mechanism, problem, solution, rows)
-    admissible = admitted_by(answer)
+    admissible = admitted_motion(answer)
     if isinstance(problem.task, GivenMotion):
-        answer = completed(answer, admissible, problem.task.part(rows))
+        answer = complete_motion(answer, admissible, problem.task.part(rows))
     return answer, admissible
 
 
-def completed(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) -> Answer:
+def complete_motion(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) -> Answer:
     """Complete an answer with joint velocities and accelerations computed from its poses and the motion."""
     joints = answer.joints.copy()
     if not answer.has("joint_velocity"):
         joints[1] = admissible.joints(given.yd)
     if not answer.has("joint_acceleration"):
         joints[2] = 0.0
-        still = answer.moving(joints)
+        still = answer.with_joints(joints)
         joints[2] = admissible.joints(given.ydd, residual(still.tree, still.states, still.motion, 2))
         if given.idle:
-            joints[2] += of_bodies(answer.moving(joints), admissible, given.idle)
-    return answer.moving(joints)
+            joints[2] += accelerations_from_bodies(answer.with_joints(joints), admissible, given.idle)
+    return answer.with_joints(joints)

@@ -29,11 +29,11 @@ from screwgauge.reference.left_out import (
 )
 from screwgauge.reference.rotations import Array, cross, times
 from screwgauge.witness.constraints import AdmissibleMotion
-from screwgauge.witness.dynamics import along
+from screwgauge.witness.dynamics import project_forces
 from screwgauge.witness.joints import open_tree
 from screwgauge.witness.kinematics import Moving, move
-from screwgauge.witness.tree import FixedFrame, TreeStates, stacked
-from screwgauge.witness.wrenches import along_coordinate, balancing, wrench_columns
+from screwgauge.witness.tree import FixedFrame, TreeStates, stack_frames
+from screwgauge.witness.wrenches import balance_amounts, coordinate_act, wrench_columns
 
 ARMATURE, DAMPING, FRICTION, SPRINGS, WEIGHT, DRAG = (
     "armature",
@@ -120,7 +120,7 @@ class MeasuredPart:
         units = [unit for _, unit in unit_wrenches_of(answer, "reaction")]
         none = np.zeros((len(need), 0, len(units)))
         columns = wrench_columns(units, answer.tree, com)
-        amounts = balancing(units, columns, need[..., None], answer.scales["m"], none)[..., 0]
+        amounts = balance_amounts(units, columns, need[..., None], answer.scales["m"], none)[..., 0]
         places = {unit.name: i for i, unit in enumerate(units)}
         return amounts[:, [places[name] for name in names]]
 
@@ -132,7 +132,7 @@ class MeasuredPart:
         tree, bodies, shares = open_tree(mechanism, graph, {joint.name for joint in joints})
         still = np.zeros_like(self.answer.q)
         motion = move(tree, TreeStates(self.answer.q, still, still))
-        return along(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
+        return project_forces(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
 
     def added(self, kind: str, quantity: str, names: Sequence[str]) -> Array:
         """Return the effect of a kind on components of a quantity; zero unless they are forces. Shape (n, m)."""
@@ -226,7 +226,7 @@ def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Ite
             for kind, force in _along_stroke(answer, one, there).items():
                 total = np.zeros(_shape(answer))
                 for name, share in one.along.items():
-                    act = along_coordinate(answer.tree, answer.motion, answer.q, name, share * force)
+                    act = coordinate_act(answer.tree, answer.motion, answer.q, name, share * force)
                     total += _between(answer, act.joint.bodies, act.force, act.moment, act.point)
                 yield kind, total
         case TurnResistance():
@@ -282,7 +282,7 @@ def _resisting(one: StrokeResistance, stroke: Array, rate: Array, acceleration: 
 def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Array]]:
     """Yield the kinds along a path, and the required wrenches at its ends and bends."""
     frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
-    at = answer.motion.links.frames(stacked(frames))
+    at = answer.motion.links.frames(stack_frames(frames))
     way, apart, gained = (np.diff(getattr(at, name), axis=1) for name in "pva")
     length = np.linalg.norm(way, axis=2)
     line = way / np.maximum(length, np.finfo(float).tiny)[..., None]
@@ -330,7 +330,7 @@ def _fixed_to(answer: Answer, body: str, p: Array, R: Array) -> Moving:
 
 def _at(answer: Answer, frame: FixedFrame) -> Moving:
     """Return the motion of a single frame."""
-    return answer.motion.links.frames(stacked([frame]))
+    return answer.motion.links.frames(stack_frames([frame]))
 
 
 def _drag(one: Drag, at: Moving) -> tuple[Array, Array]:

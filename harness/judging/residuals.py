@@ -19,7 +19,7 @@ from screwgauge.reference.resistance import LOSSES, resistances
 from screwgauge.reference.rotations import Array, cross, lanes, times
 from screwgauge.solution import Values
 from screwgauge.witness.constraints import AdmissibleMotion
-from screwgauge.witness.dynamics import along, kinetic_energy
+from screwgauge.witness.dynamics import kinetic_energy, project_forces
 from screwgauge.witness.dynamics import mass_matrix as inertia
 from screwgauge.witness.dynamics import newton_euler as body_equations
 from screwgauge.witness.joints import open_tree
@@ -27,11 +27,11 @@ from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
 from screwgauge.witness.wrenches import (
     UnitWrench,
-    balancing,
+    balance_amounts,
     exerted_wrenches,
     joint_forces,
+    resistance_force,
     spring_energy,
-    taken,
     unit_wrenches,
     wrench_columns,
 )
@@ -115,7 +115,7 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
     """
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
-        admitted, size = answer.loosened(quantity, unit.unit), amount(answer, quantity, unit)
+        admitted, size = answer.loose_scale(quantity, unit.unit), amount(answer, quantity, unit)
         for body, wrench in unit.on_bodies(answer.tree, answer.motion.com):
             exerted = size * wrench
             missing[:, body] -= exerted
@@ -144,7 +144,7 @@ def power_balance(answer: Answer, required: Array, sizes: Array) -> Residuals:
 
 def _loose(answer: Answer, rates: Array) -> Array:
     """Return the power of the actuator forces whose tolerance the scene loosens; rates are (n, n_actuator, ...)."""
-    forces = [answer.loosened("actuator_force", unit) for unit in answer.mechanism.actuator_units]
+    forces = [answer.loose_scale("actuator_force", unit) for unit in answer.mechanism.actuator_units]
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
@@ -227,7 +227,10 @@ def resistance(answer: Answer) -> Residuals:
     reported = answer.values["resistance"]
     for unit in dict.fromkeys(reported.units):
         some = [one for one in answer.mechanism.resistances if one.unit == unit]
-        names, right = tuple(one.name for one in some), np.stack([taken(one, answer.states) for one in some], axis=1)
+        names, right = (
+            tuple(one.name for one in some),
+            np.stack([resistance_force(one, answer.states) for one in some], axis=1),
+        )
         yield answer.residual(
             "resistance", unit, names, reported.pick(names).array - right, largest(right), ("resistance",)
         )
@@ -278,7 +281,7 @@ def _tree_force(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple
     required, sizes = required_wrenches(answer, loaded=False)
     wrenches, load = required[:, bodies] * shares[:, None], largest(level_sizes(sizes, answer.scales["m"])[:, 0])
     rotors = answer.mechanism.rotors * answer.states.qdd
-    return along(move(tree, TreeStates(answer.q, still, still)), wrenches) + rotors, load
+    return project_forces(move(tree, TreeStates(answer.q, still, still)), wrenches) + rotors, load
 
 
 def _is_ruled(answer: Answer) -> bool:
@@ -286,7 +289,7 @@ def _is_ruled(answer: Answer) -> bool:
     return len(answer.mechanism.actuator_names) > len(answer.mechanism.independent)
 
 
-def balanced(answer: Answer, required: Array) -> Answer:
+def complete_forces(answer: Answer, required: Array) -> Answer:
     """Complete an answer with reactions or actuator forces computed from the balance of the bodies.
 
     Reactions are computed only for a rule about reactions. If both quantities are missing, neither is computed.
@@ -309,7 +312,7 @@ def _solve(answer: Answer, required: Array, quantity: str) -> Answer:
         for body, wrench in unit.on_bodies(tree, com):
             right[:, body] -= amount(answer, other, unit) * wrench
     columns, no_rule = wrench_columns(unknown, tree, com), np.zeros((len(right), 0, len(unknown)))
-    amounts = balancing(unknown, columns, right[..., None], answer.scales["m"], no_rule)[..., 0]
+    amounts = balance_amounts(unknown, columns, right[..., None], answer.scales["m"], no_rule)[..., 0]
     solved = Values(tuple(unit.name for unit in unknown), tuple(unit.unit for unit in unknown), amounts)
     return replace(answer, values={**answer.values, quantity: solved})
 
@@ -334,7 +337,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Res
         names = [name for name, has in zip(mechanism.actuator_names, units, strict=True) if has == unit]
         left = preload[:, units == unit]
         load = largest(level_sizes(sizes, answer.scales["m"])[:, 0]) * arm(unit, answer.scales["m"])
-        size = max(largest(f[:, units == unit]), load, len(units) * answer.loosened("actuator_force", unit))
+        size = max(largest(f[:, units == unit]), load, len(units) * answer.loose_scale("actuator_force", unit))
         yield answer.residual("force_rule", unit, names, left, size, ("actuator_force",))
 
 

@@ -26,7 +26,7 @@ from screwgauge.reference.rotations import Array, within_half_turn
 from screwgauge.solution import Solution, Values
 
 
-def flagged(solution: Solution) -> dict[str, NDArray[np.bool_]]:
+def flag_samples(solution: Solution) -> dict[str, NDArray[np.bool_]]:
     """Flag samples of each quantity whose estimated error exceeds the limit of the number type.
 
     Returns:
@@ -61,10 +61,10 @@ class Guarded:
         return not self.flagged
 
 
-def guarded(solution: Solution, t: Array) -> list[Guarded]:
+def accuracy_rows(solution: Solution, t: Array) -> list[Guarded]:
     """Build a row for each quantity with an error estimate; `t` contains the times [s], shape (n,)."""
     rows = []
-    for name, flags in flagged(solution).items():
+    for name, flags in flag_samples(solution).items():
         error = solution.errors[name]
         worst, counts = int(np.argmax(error.scaled)), (int(flags.sum()), len(t))
         size = float(error.scaled[worst])
@@ -72,7 +72,7 @@ def guarded(solution: Solution, t: Array) -> list[Guarded]:
     return rows
 
 
-def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, str]:
+def examine_path(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, str]:
     """Examine all samples of a motion, and sign changes of the determinant between them.
 
     Args:
@@ -127,7 +127,7 @@ def integration_note(found: Integrated) -> str:
     return f"integration error, estimated from runs with {times} times the tolerances: at most {largest}"
 
 
-def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
+def integration_errors(solution: Solution, looser: Sequence[Solution]) -> Integrated:
     """Estimate a simulation's integration error from runs with looser tolerances.
 
     The error never decreases in time, and is NaN from the first sample at which a run has no number.

@@ -16,7 +16,7 @@ from screwgauge.casebook.book import installed_versions, suspects
 from screwgauge.engines.registry import ENGINES
 from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage
-from screwgauge.judging.trust import Guarded, Refusal, guarded
+from screwgauge.judging.trust import Guarded, Refusal, accuracy_rows
 from screwgauge.models import catalog
 from screwgauge.models.importing.model import is_scratch
 from screwgauge.quantities import GIVEN, QUANTITIES
@@ -237,7 +237,7 @@ class Comparison:
     @property
     def guard(self) -> list[Guarded]:
         """Trust in each quantity of each engine, based on condition number and estimated error."""
-        return [row for solution in self.solutions.values() for row in guarded(solution, self.times)]
+        return [row for solution in self.solutions.values() for row in accuracy_rows(solution, self.times)]
 
     @property
     def not_unique(self) -> dict[str, tuple[str, ...]]:

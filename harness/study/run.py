@@ -23,7 +23,7 @@ from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge, summands
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
-from screwgauge.judging.trust import Refusal, integrated, integration_note, refusals
+from screwgauge.judging.trust import Refusal, integration_errors, integration_note, refusals
 from screwgauge.problem import Problem, Report, silent, spread
 from screwgauge.quantities import OF_MOTION, SIMULATED, Names, check_quantities, described
 from screwgauge.reference.errors import DescriptionError
@@ -356,7 +356,7 @@ def _estimate_integration(
     runs = {name: one for name, one in seen.items() if name != REFERENCE}
     mechanism = asked.scene.mechanism
     first, *others = without_fixed(mechanism, in_one_chart(mechanism, {"": solution, **runs})).values()
-    estimate = integrated(first, others)
+    estimate = integration_errors(first, others)
     return replace(first, notes=(*first.notes, integration_note(estimate))), estimate
 
 

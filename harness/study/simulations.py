@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from screwgauge.judging.trust import LOOSER, passed
+from screwgauge.judging.trust import LOOSER, examine_path
 from screwgauge.quantities import SIMULATED
 from screwgauge.reference.graph import Layout
 from screwgauge.scene.observables import Recorded, known_values, observe
@@ -58,7 +58,7 @@ def _add_observables(scene: Scene, lay: Layout, answer: Solution, wanted: Sequen
         has = observe(lay, scene.observables, q)
         array = np.pad(has.array, ((0, n - m), (0, 0)), constant_values=np.nan)
         values = {"observable": replace(has, array=array), **values}
-    met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
+    met, estimate, note = examine_path(lay, q, scene.t[:m], scene.start.integration.near)
     estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # mark missing samples
     met = np.pad(met, (0, n - m), mode="edge")
     cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)

@@ -32,7 +32,15 @@ from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
 from screwgauge.truth.kinematics import LoopsOpen, NotCertified
 from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.samples import Balls, Sampler, SampleTable, centred, enclosed, enclosures, ruled
+from screwgauge.truth.samples import (
+    Balls,
+    Sampler,
+    SampleTable,
+    enclose_sample,
+    enclosures,
+    needs_rule,
+    recentre_sample,
+)
 
 BITS = 192  # 57 digits, of which 12 are lost up to the reactions; 30 correct digits are required
 
@@ -114,7 +122,7 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
         [wording.gravity, gravity],
         [wording.loads, [load.numbers() for load in applied.loads]],
         motion.t.tobytes(),
-        [problem.rule, depth, ruled(problem), BITS],
+        [problem.rule, depth, needs_rule(problem), BITS],
         [[one.name, one.body, one.place.tolist()] for one in problem.points] if "jacobian" in problem.wanted else [],
     )
 
@@ -148,9 +156,9 @@ def _table(
             return Sampler(linkage, problem, depth, clock, redundant=wide or not rounded)
 
     if rounded:
-        sample = partial(centred, sampler(wide=True), sampler(), motion)
+        sample = partial(recentre_sample, sampler(wide=True), sampler(), motion)
     else:
-        sample = partial(enclosed, [sampler(bits) for bits in (BITS, 2 * BITS)], motion)
+        sample = partial(enclose_sample, [sampler(bits) for bits in (BITS, 2 * BITS)], motion)
     # only a starting guess
     start = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd))[rows].tolist()
     balls: list[Balls | None] = []

@@ -71,17 +71,17 @@ def _evaluate(node: ast.expr, text: str) -> arb:
     raise ValueError(f"'{text}' cannot be read as a number")
 
 
-def widened(value: Any) -> Any:
+def widen_decimals(value: Any) -> Any:
     """Widen decimals of at least `LONG` digits in a table to balls that contain all numbers that round to them.
 
     The radius is half a unit of the last digit, or the rounding of the vector's largest double if this is larger.
     """
     if isinstance(value, Mapping):
-        return {key: widened(entry) for key, entry in value.items()}
+        return {key: widen_decimals(entry) for key, entry in value.items()}
     if not isinstance(value, list):
-        return widened([value])[0]
+        return widen_decimals([value])[0]
     if any(isinstance(entry, (list, Mapping)) for entry in value):
-        return [widened(entry) for entry in value]
+        return [widen_decimals(entry) for entry in value]
     rounding = max((abs(number(entry)).upper() for entry in value), key=float) * ROUNDED if value else arb(0)
     return [_widened(entry, rounding) for entry in value]
 
@@ -103,10 +103,10 @@ def vector(values: Any) -> Vector:
 
 def unit_vector(values: Any) -> Vector:
     """Convert and normalise a vector, because its decimals may be rounded."""
-    return normalized(vector(values))
+    return normalize(vector(values))
 
 
-def normalized(v: Vector) -> Vector:
+def normalize(v: Vector) -> Vector:
     norm = dot(v, v).sqrt()
     return [x / norm for x in v]
 
@@ -129,7 +129,7 @@ def _orthonormal(rows: Any) -> arb_mat:
     first = unit_vector(rows[0])
     second = vector(rows[1])
     along = dot(first, second)
-    second = normalized(difference(second, [along * x for x in first]))
+    second = normalize(difference(second, [along * x for x in first]))
     return arb_mat([first, second, cross(first, second)])
 
 

@@ -15,7 +15,7 @@ from flint import arb, arb_mat
 from screwgauge.problem import given_columns
 from screwgauge.reference.mechanism import Joint, by_role
 from screwgauge.reference.resistance import REST
-from screwgauge.truth.exact import Vector, cross, difference, dot, drive, normalized, solve, unit_vector
+from screwgauge.truth.exact import Vector, cross, difference, dot, drive, normalize, solve, unit_vector
 from screwgauge.truth.kinematics import NotCertified, State, floats, independent_rows, point, spin
 from screwgauge.truth.linkage import AXES, Linkage, split
 
@@ -68,7 +68,7 @@ class Unknown:
 
 def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
     """Compute the generalized actuator force along each independent coordinate by route 1 [N m or N]."""
-    forces, resisted = [], [*taken(linkage, now)]
+    forces, resisted = [], [*resisting_forces(linkage, now)]
     second = [2 * T[2] for T in now.bodies]
     for j in range(now.partial.ncols()):
         virtual = linkage.place([[q[0], now.partial[i, j]] for i, q in enumerate(now.q)])
@@ -84,7 +84,7 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
     return forces
 
 
-def taken(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
+def resisting_forces(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
     """Yield the column of the coordinate of each rotor, damper and dry friction, and the force along it.
 
     Raises:
@@ -210,13 +210,13 @@ def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_m
     if what == "world":
         return world
     if what == "normal":
-        return [("", normalized(cross(point(parent, axes[0], 0), point(child, axes[1], 0))))]
+        return [("", normalize(cross(point(parent, axes[0], 0), point(child, axes[1], 0))))]
     parts = split(axes[-1])
     chosen = {"": [], "frame": world, "across": parts[:2], "along": parts[2:]}[what]
     return [(label, point(child, axis, 0)) for label, axis in chosen]
 
 
-def driving(linkage: Linkage, now: State) -> list[Unknown]:
+def actuator_units(linkage: Linkage, now: State) -> list[Unknown]:
     """List the actuators as unit forces or moments: actuators of joints along their axes, then all others."""
     actuators, index = [], linkage.mechanism.body_index
     for joint in linkage.mechanism.actuators:
@@ -230,7 +230,7 @@ def driving(linkage: Linkage, now: State) -> list[Unknown]:
     return actuators
 
 
-def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[list[arb]]:
+def balance_columns(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[list[arb]]:
     """Return the effect of each unknown on each body: force, and moment about its centre of mass. (m, 6 n_body)."""
     index = linkage.mechanism.body_index
     com = [point(T[0], mass.com) for T, mass in zip(now.bodies[1:], linkage.masses, strict=True)]
@@ -255,18 +255,18 @@ def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
     for tie in linkage.ties:
         column = [arb(0)] * (6 * len(linkage.masses))
         for at, share in tie.shares(q):
-            column = [a + share * b for a, b in zip(column, along_coordinate(linkage, now, at), strict=True)]
+            column = [a + share * b for a, b in zip(column, coordinate_wrenches(linkage, now, at), strict=True)]
         columns.append(column)
     return columns
 
 
-def along_coordinate(linkage: Linkage, now: State, column: int) -> list[arb]:
-    """Return the wrenches of a unit force along a coordinate on the bodies, as in `balances`. Shape (6 n_body,)."""
+def coordinate_wrenches(linkage: Linkage, now: State, column: int) -> list[arb]:
+    """Return the wrenches of a unit force along a coordinate, see `balance_columns`. Shape (6 n_body,)."""
     joint, turns, direction, spot = linkage.along(column, now.q, now.bodies)
-    return balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])[0]
+    return balance_columns(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])[0]
 
 
-def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
+def required_wrenches(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
     """Return force and moment that joints and actuators must exert on each body (Newton-Euler). (6 n_body,)."""
     right: list[arb] = []
     for i, (mass, T) in enumerate(zip(linkage.masses, now.bodies[1:], strict=True), 1):
@@ -283,8 +283,8 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
                     arm = point(T[0], difference(place, mass.com), 0)
                     M = difference(M, cross(arm, force))
         right += [*F, *M]
-    for column, resisting in taken(linkage, now):
-        right = [a + resisting * b for a, b in zip(right, along_coordinate(linkage, now, column), strict=True)]
+    for column, resisting in resisting_forces(linkage, now):
+        right = [a + resisting * b for a, b in zip(right, coordinate_wrenches(linkage, now, column), strict=True)]
     return right
 
 
@@ -301,7 +301,7 @@ def newton_euler(
     Args:
         B: Velocities of the actuators per velocity of the independent coordinates that they drive.
             Shape (n_actuator, k).
-        right: Force and moment on each body, see `required`.
+        right: Force and moment on each body, see `required_wrenches`.
         idle: Joint coordinates that nothing drives.
         axial: Whether redundant actuators obey the rule of eq. (56).
 
@@ -312,10 +312,10 @@ def newton_euler(
         NotCertified: The system may be singular.
     """
     parts = unknowns(linkage, now)
-    reactions = [*balances(linkage, now, parts), *coupling_balances(linkage, now)]
-    drives = arb_mat(balances(linkage, now, driving(linkage, now)))
+    reactions = [*balance_columns(linkage, now, parts), *coupling_balances(linkage, now)]
+    drives = arb_mat(balance_columns(linkage, now, actuator_units(linkage, now)))
     driven = drives if axial else B.transpose() * drives
-    columns = [*reactions, *driven.tolist(), *(along_coordinate(linkage, now, column) for column in idle)]
+    columns = [*reactions, *driven.tolist(), *(coordinate_wrenches(linkage, now, column) for column in idle)]
     if axial:
         for row in _axial_rows(linkage, now, [part.name for part in parts]):
             columns = [[*column, row.get(i, arb(0))] for i, column in enumerate(columns)]
@@ -352,7 +352,7 @@ def _axial_rows(linkage: Linkage, now: State, names: Sequence[str]) -> list[dict
     joint, direction = axial
     line = unit_vector(direction)
     k = min(range(3), key=lambda i: abs(float(line[i].mid())))
-    first = normalized(cross(line, AXES[k]))
+    first = normalize(cross(line, AXES[k]))
     child = now.bodies[linkage.mechanism.body_index[linkage.mechanism.joint(joint).child]][0]
     columns = [names.index(f"{joint}.f{axis}") for axis in "xyz"]
     return [dict(zip(columns, point(child, across, 0), strict=True)) for across in (first, cross(line, first))]

@@ -218,7 +218,7 @@ def redundant_rows(linkage: Linkage) -> int:
     return rows - len(mechanism.coordinates)
 
 
-def coarse(linkage: Linkage, reason: str) -> LoopsOpen:
+def coarse_decimals(linkage: Linkage, reason: str) -> LoopsOpen:
     """Build the error for a motion that exact decimals determine, but that cannot be enclosed for rounded decimals.
 
     Args:

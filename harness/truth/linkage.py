@@ -25,7 +25,7 @@ from screwgauge.truth.exact import (
     inverse,
     inverse_jet,
     mul,
-    normalized,
+    normalize,
     number,
     placement,
     rotation_matrix,
@@ -33,7 +33,7 @@ from screwgauge.truth.exact import (
     skew,
     unit_vector,
     vector,
-    widened,
+    widen_decimals,
 )
 
 
@@ -82,7 +82,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
     return ties
 
 
-def along(axes: Sequence[Vector], i: int) -> Vector:
+def dual_axis(axes: Sequence[Vector], i: int) -> Vector:
     """Return the vector in the span of one to three axes with scalar product 1 with axis i, and 0 with the others."""
     if len(axes) == 1:
         return axes[0]
@@ -258,7 +258,7 @@ class Linkage:
         turning = steps[i][0]
         alike = [k for k, (turns, _) in enumerate(axes) if turns == turning]
         child = bodies[index[joint.child]][0] * frames.child
-        return joint, turning, along([axes[k][1] for k in alike], alike.index(i)), [child[k, 3] for k in range(3)]
+        return joint, turning, dual_axis([axes[k][1] for k in alike], alike.index(i)), [child[k, 3] for k in range(3)]
 
     def jacobian(self, q: Sequence[arb]) -> arb_mat:
         """Differentiate the errors of loops and ties, and the selected coordinates. (6 n_cut + n_tie + k, n_q)."""
@@ -314,7 +314,7 @@ def _move(column: int, sign: int, turns: bool, axis: Vector) -> Move:
 def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
     axes = XYZ[2:] if kind == "fixed" else table.get("axes", XYZ)
     parts = table.get("parent_frame", {}), table.get("child_frame", {}), axes
-    parent, child, axes = (widened(part) for part in parts) if rounded else parts
+    parent, child, axes = (widen_decimals(part) for part in parts) if rounded else parts
     turns = [unit_vector(axis) for axis in axes]
     count = KINDS[kind].count(False)  # a single slide is along the axis
     slides = AXES if count == 3 else [way for _, way in split(turns[0])[:2]] if count == 2 else []
@@ -327,7 +327,7 @@ def split(axis: Vector) -> list[tuple[str, Vector]]:
     across = [i for i in range(3) if i != k]
     if all(axis[i] == 0 for i in across):
         return [("xyz"[i], AXES[i]) for i in (*across, k)]
-    first = normalized(cross(axis, AXES[across[0]]))
+    first = normalize(cross(axis, AXES[across[0]]))
     return [("1", first), ("2", cross(axis, first)), ("", axis)]
 
 

@@ -31,8 +31,8 @@ from screwgauge.truth.forces import (
     jacobian,
     min_norm,
     newton_euler,
-    required,
-    taken,
+    required_wrenches,
+    resisting_forces,
 )
 from screwgauge.truth.kinematics import (
     Certifier,
@@ -40,7 +40,7 @@ from screwgauge.truth.kinematics import (
     NotCertified,
     State,
     check_closed,
-    coarse,
+    coarse_decimals,
     point,
     spin,
     state,
@@ -55,7 +55,7 @@ Balls = dict[str, list[arb]]
 WIDE = 1e-25
 
 
-def ruled(problem: Problem) -> bool:
+def needs_rule(problem: Problem) -> bool:
     """Return True if requested forces depend on a rule for redundant actuators."""
     return any(QUANTITIES[name].ruled for name in problem.wanted)
 
@@ -76,7 +76,7 @@ class Sampler:
         #: Indices of the coordinates whose motion is given as text; `terms` has their functions of time.
         self.said = [] if motion is None else [i for i, label in enumerate(labels) if label in motion]
         self.terms = read_terms(motion or {}, [labels[i] for i in self.said])
-        self.ruled, self.resistance = ruled(problem), "resistance" in problem.wanted
+        self.ruled, self.resistance = needs_rule(problem), "resistance" in problem.wanted
         self.axial, index = problem.rule == "spherical_axial", linkage.mechanism.body_index
         points = [(index[one.body], vector(one.place.tolist())) for one in problem.points]
         self.points = points if "jacobian" in problem.wanted else None
@@ -121,7 +121,7 @@ class Sampler:
             self._check_closed(now.q, now.bodies)
         out = _motion(self.linkage, now)
         if self.resistance:
-            out["resistance"] = [force for _, force in taken(self.linkage, now)]
+            out["resistance"] = [force for _, force in resisting_forces(self.linkage, now)]
         if self.points is not None:
             out["jacobian"] = jacobian(self.linkage, now, self.points, self.idle)
         if self.depth == "f":
@@ -168,7 +168,7 @@ class Sampler:
         driving, freely = columns_of(B, given), [linkage.mechanism.independent_columns[i] for i in idle]
         f = min_norm(driving, [Q[j] for j in given])
         with self.clock.stage("forces by the balance of all bodies"):
-            need = required(linkage, now, self.gravity, loads)
+            need = required_wrenches(linkage, now, self.gravity, loads)
             reactions, f_second, nothing = newton_euler(linkage, now, driving, need, freely, axial=self.axial)
         Q_second = (B.transpose() * f_second).entries() if driven else [arb(0)] * len(Q)
         pairs = [*zip(Q, Q_second, strict=True), *((force, arb(0)) for force in nothing)]
@@ -225,7 +225,7 @@ def _load_of_text(table: Mapping[str, Any], index: Mapping[str, int]) -> Varying
     return VaryingLoad(index[body], None if at == "com" else vector(at), signed, turns)
 
 
-def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
+def enclose_sample(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
     """Compute a sample with the first sampler whose balls are narrow, or with the last sampler if none is.
 
     Raises:
@@ -241,7 +241,7 @@ def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: 
     return samplers[-1].at(motion, row, start)
 
 
-def centred(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
+def recentre_sample(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
     """Move the centres of the balls of `wide` to the values of `exact`, which ignores redundant rows.
 
     Ball arithmetic overestimates: if inputs are wide, the enclosed values may lie anywhere in the balls.
@@ -256,7 +256,7 @@ def centred(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start:
     except (RoutesDisagree, LoopsOpen):
         raise
     except NotCertified as error:
-        raise coarse(wide.linkage, str(error.what)) from None
+        raise coarse_decimals(wide.linkage, str(error.what)) from None
     with ctx.workprec(wide.bits):
         return {
             name: [arb(b.mid(), (a - b.mid()).abs_upper()) for a, b in zip(balls, values[name], strict=True)]

@@ -137,7 +137,7 @@ def constraint_rows(tree: SpanningTree, motion: TreeMotion, q: Array) -> Array:
     return np.concatenate([*closure_rows(tree, motion).values(), coupling_rows(tree, q)], axis=1)
 
 
-def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
+def move_joints(tree: SpanningTree, q: Array, step: Array) -> Array:
     """Move every joint by a step along its velocities.
 
     Args:
@@ -160,7 +160,7 @@ def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
     return out
 
 
-def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
+def close_loops(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
     """Close the loops with Newton's method; correct velocities and accelerations so that the loops stay closed.
 
     Returns:
@@ -173,7 +173,7 @@ def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[
         if not far.any():
             break
         todo = todo[far]
-        q[todo] = stepped(tree, q[todo], newton_step(at.rows[far], at.gap[far]))
+        q[todo] = move_joints(tree, q[todo], newton_step(at.rows[far], at.gap[far]))
     at = equations(tree, replace(states, q=q))
     fits = np.abs(at.gap).max(axis=1, initial=0.0) <= CLOSED * length
     there, rows = replace(states, q=q).at(fits), at.rows[fits]
@@ -189,7 +189,7 @@ def newton_step(rows: Array, gap: Array) -> Array:
     return np.asarray(step * np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)))
 
 
-def clear(rows: Array) -> NDArray[np.bool_]:
+def is_rank_clear(rows: Array) -> NDArray[np.bool_]:
     """Flag states in which the rank of the rows is clear; shape (n, m, n_freedom) -> (n,).
 
     Near a singular pose, Newton's method reaches only half the digits, and some singular values are neither zero nor

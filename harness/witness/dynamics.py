@@ -57,7 +57,7 @@ def kinetic_energy(motion: TreeMotion) -> Array:
     return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ matter.mass + turning))
 
 
-def along(motion: TreeMotion, wrenches: Array) -> Array:
+def project_forces(motion: TreeMotion, wrenches: Array) -> Array:
     """Return the power of wrenches at the bodies' centres of mass, see `NewtonEulerTerms`, per unit velocity.
 
     Args:
@@ -132,18 +132,24 @@ def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None =
     weights = np.zeros_like(needed.inertial)
     weights[..., :3] = needed.gravity
     M = mass_matrix(motion) + np.diag(_entry(tree, "armature"))
-    inertial = along(motion, needed.wrenches)
+    inertial = project_forces(motion, needed.wrenches)
     armature, passive = armature_force(tree, states), passive_force(tree, states)
     bias = inertial + armature - (M @ states.qdd[..., None])[..., 0]
     return InverseDynamics(
-        inertial + armature + passive, M, bias, along(motion, weights), passive, bodies.velocity, bodies.acceleration
+        inertial + armature + passive,
+        M,
+        bias,
+        project_forces(motion, weights),
+        passive,
+        bodies.velocity,
+        bodies.acceleration,
     )
 
 
 def inverse_dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> Array:
     """Compute `InverseDynamics.tau` only. Shape (n, n_freedom)."""
     motion = motion or move(tree, states)
-    return along(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
+    return project_forces(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
 
 
 def _needed(motion: TreeMotion) -> NewtonEulerTerms:

@@ -21,7 +21,7 @@ from screwgauge.witness.tree import (
     SpanningTree,
     TreeLink,
     coupled_column,
-    stacked,
+    stack_frames,
 )
 
 #: Kind -> its elementary joints in order, and the directions of its constraint forces and of its constraint moments:
@@ -46,12 +46,12 @@ def freedoms(joint: Joint) -> list[tuple[str, Array]]:
     along the frame's axes.
     """
     kinds = JOINT_KINDS[joint.kind][0]
-    ways = {2: list(across(joint.axes[0]).values()), 3: list(np.eye(3))}
+    ways = {2: list(orthogonal_axes(joint.axes[0]).values()), 3: list(np.eye(3))}
     hinges, slides = iter(joint.axes), iter(ways.get(kinds.count("slide"), joint.axes))
     return [(kind, next(hinges if kind == "hinge" else slides)) for kind in kinds]
 
 
-def across(axis: Array) -> dict[str, Array]:
+def orthogonal_axes(axis: Array) -> dict[str, Array]:
     """Return two directions orthogonal to an axis, with labels.
 
     If the axis is a frame axis, the directions are the other frame axes, labelled x, y or z. If not, they are
@@ -97,7 +97,7 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
     return MechanismTree(
         links=tuple(links),
         freedom=len(column),
-        bodies=stacked([at[body.name] for body in mechanism.bodies]),
+        bodies=stack_frames([at[body.name] for body in mechanism.bodies]),
         matter=matter(mechanism),
         closures=closures,
         couplings={one.name: coupled_column(column, one.coordinate, one.function) for one in mechanism.couplings},
@@ -127,7 +127,7 @@ def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> t
     rows, whole = [number[name] for name in ends], matter(mechanism)
     shares = np.array([1.0 / ends.count(name) for name in ends])
     parts = MassProperties(shares * whole.mass[rows], whole.com[rows], shares[:, None, None] * whole.inertia[rows])
-    tree = SpanningTree(tuple(links), len(mechanism.coordinates), stacked(frames), parts)
+    tree = SpanningTree(tuple(links), len(mechanism.coordinates), stack_frames(frames), parts)
     return tree, rows, shares
 
 

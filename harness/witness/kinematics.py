@@ -46,14 +46,14 @@ class Moving:
 
     def poses(self, at: FixedFrames) -> tuple[Array, Array]:
         """Return orientation and origin of fixed frames. Shapes (n, k, 3, 3), (n, k, 3)."""
-        R = pick(self.R, at.link)
-        return turned(R, at.R), pick(self.p, at.link) + times(R, at.p)
+        R = pick_links(self.R, at.link)
+        return turn_frames(R, at.R), pick_links(self.p, at.link) + times(R, at.p)
 
     def frames(self, at: FixedFrames) -> Moving:
         """Return the motion of fixed frames."""
-        some = Moving(*(pick(getattr(self, name), at.link) for name in "Rpwvba"))
+        some = Moving(*(pick_links(getattr(self, name), at.link) for name in "Rpwvba"))
         there = some.shifted(times(some.R, at.p))
-        return replace(there, R=turned(there.R, at.R))
+        return replace(there, R=turn_frames(there.R, at.R))
 
     @property
     def velocity(self) -> Array:
@@ -131,15 +131,15 @@ def _join(parts: Sequence[Array]) -> Array:
 def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     R, p, r = _poses(tree, states.q)
     number, axes, _ = tree.velocity
-    e = times(pick(R, number), axes)
+    e = times(pick_links(R, number), axes)
     (spin, slide), (spin_rate, slide_rate) = (_relative(tree, R, e, rates) for rates in (states.qd, states.qdd))
     before = tree.starts.link
     w = _accumulate(tree, spin)
-    near = pick(w, before)
+    near = pick_links(w, before)
     b = _accumulate(tree, spin_rate + cross(near, spin))
     toward = cross(near, r)
     v = _accumulate(tree, toward + slide)
-    a = cross(pick(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
+    a = cross(pick_links(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
     a += cross(spin, slide)  # velocities of a free joint are along axes that the joint itself rotates
     return TreeMotion(tree, Moving(R, p, w, v, b, _accumulate(tree, a)), e)
 
@@ -185,12 +185,12 @@ def _first(x: Array) -> Array:
     return x.transpose(-1, *range(x.ndim - 1))
 
 
-def turned(R: Array, by: Array) -> Array:
+def turn_frames(R: Array, by: Array) -> Array:
     """Multiply orientations by fixed rotations, which are often all identity. Shapes (n, m, 3, 3), (m, 3, 3)."""
     return R if (by == np.eye(3)).all() else product(R, by)
 
 
-def pick(x: Array, which: Rows) -> Array:
+def pick_links(x: Array, which: Rows) -> Array:
     """Return ``x[:, which]``, but faster if samples are contiguous."""
     return _first(_last(x)[which])
 
@@ -206,10 +206,10 @@ def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
     R[0], p[0] = np.eye(3)[..., None], 0.0
     whole, start = _first(R), tree.starts
     for level, before in tree.levels:
-        own, near = level - 1, pick(whole, before)
-        placed = turned(near, start.R[own])
-        r[own] = _last(times(near, start.p[own]) + times(placed, pick(way, own)))
-        R[level], p[level] = _last(product(placed, pick(turn, own))), p[before] + r[own]
+        own, near = level - 1, pick_links(whole, before)
+        placed = turn_frames(near, start.R[own])
+        r[own] = _last(times(near, start.p[own]) + times(placed, pick_links(way, own)))
+        R[level], p[level] = _last(product(placed, pick_links(turn, own))), p[before] + r[own]
     return whole, _first(p), _first(r)
 
 

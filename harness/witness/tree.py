@@ -47,7 +47,7 @@ class FixedFrames(NamedTuple):
     p: Array
 
 
-def stacked(frames: Sequence[FixedFrame]) -> FixedFrames:
+def stack_frames(frames: Sequence[FixedFrame]) -> FixedFrames:
     """Stack frames."""
     R, p = (np.array([getattr(each, name) for each in frames], dtype=float) for name in "Rp")
     return FixedFrames(np.array([each.link for each in frames], dtype=np.intp), R.reshape(-1, 3, 3), p.reshape(-1, 3))
@@ -136,7 +136,7 @@ class SpanningTree:
     @cached_property
     def starts(self) -> FixedFrames:
         """Frames of all joints on the preceding links."""
-        return stacked([link.start for link in self.links])
+        return stack_frames([link.start for link in self.links])
 
     @cached_property
     def single(self) -> tuple[Rows, Rows, Rows, Array, Array, Array]:
@@ -157,7 +157,7 @@ class SpanningTree:
     def ends(self) -> FixedFrames:
         """First frames of all closures, then their second frames."""
         closures = self.closures.values()
-        return stacked([each.first for each in closures] + [each.second for each in closures])
+        return stack_frames([each.first for each in closures] + [each.second for each in closures])
 
     @cached_property
     def levels(self) -> tuple[tuple[Rows, Rows], ...]:

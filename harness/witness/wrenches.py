@@ -16,9 +16,9 @@ from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.resistance import REST, Resistance
 from screwgauge.reference.rotations import Array, cross, lanes, rotation, times
 from screwgauge.witness.constraints import coupling_rows
-from screwgauge.witness.joints import JOINT_KINDS, MechanismTree, across, freedoms
+from screwgauge.witness.joints import JOINT_KINDS, MechanismTree, freedoms, orthogonal_axes
 from screwgauge.witness.kinematics import Moving, TreeMotion
-from screwgauge.witness.tree import TreeStates, stacked
+from screwgauge.witness.tree import TreeStates, stack_frames
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +70,7 @@ def wrench_columns(units: Sequence[UnitWrench], tree: MechanismTree, com: Moving
     return columns
 
 
-def balancing(units: Sequence[UnitWrench], columns: Array, need: Array, length: float, rules: Array) -> Array:
+def balance_amounts(units: Sequence[UnitWrench], columns: Array, need: Array, length: float, rules: Array) -> Array:
     """Solve for multiples of unit wrenches that supply required wrenches, in the minimum-norm least-squares sense.
 
     Equations and unknowns are scaled to forces: moments are divided by a length.
@@ -102,7 +102,10 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
     driven = dict(zip(mechanism.actuators, mechanism.actuator_names, strict=False))
     for joint in driven if quantity == "actuator_force" else mechanism.joints:
         near, far, point = _frames(tree, motion, joint)
-        parts = {f"{joint.name}.{label}": (label[0], along) for label, along in held(joint, near, far).items()}
+        parts = {
+            f"{joint.name}.{label}": (label[0], along)
+            for label, along in constrained_directions(joint, near, far).items()
+        }
         if quantity == "actuator_force":
             parts = {driven[joint]: ("m" if joint.angles else "f", times(far, joint.axes[0]))}
         for name, (kind, along) in parts.items():
@@ -114,7 +117,7 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
     elif held_names := mechanism.actuator_names[len(driven) :]:
         one, units = np.ones(len(q)), mechanism.actuator_units[len(driven) :]
         for name, unit in zip(held_names, units, strict=True):
-            yield UnitWrench(name, unit, (along_coordinate(tree, motion, q, name, one),))
+            yield UnitWrench(name, unit, (coordinate_act(tree, motion, q, name, one),))
 
 
 def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:
@@ -124,12 +127,10 @@ def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator
         names = one.named
         unit = "N m" if mechanism.units[mechanism.columns(names)[0]] == "rad" else "N"
         shares = zip(names, rows[:, k, mechanism.columns(names)].T, strict=True)
-        yield UnitWrench(
-            component_name(one), unit, tuple(along_coordinate(tree, motion, q, *share) for share in shares)
-        )
+        yield UnitWrench(component_name(one), unit, tuple(coordinate_act(tree, motion, q, *share) for share in shares))
 
 
-def along_coordinate(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
+def coordinate_act(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
     """Return a force along a coordinate that does no work on the joint's others; `amount` has shape (n,)."""
     joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(tree, motion, joint)
@@ -159,11 +160,11 @@ def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, 
 
 def _frames(tree: MechanismTree, motion: TreeMotion, joint: Joint) -> tuple[Array, Array, Array]:
     """Return the world axes of a joint's frames on parent and child, and the origin of the child's frame."""
-    R, p = motion.links.poses(stacked([tree.on(body, frame) for body, frame in joint.sides]))
+    R, p = motion.links.poses(stack_frames([tree.on(body, frame) for body, frame in joint.sides]))
     return R[:, 0], R[:, 1], p[:, 1]
 
 
-def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
+def constrained_directions(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
     """Return the constrained directions of a joint; labels such as ``fx`` are forces, and ``mx`` moments.
 
     Forces of joints with rotations only, and of fixed joints, are along the world's axes. Moments of a P joint are
@@ -191,7 +192,7 @@ def _directions(what: str, joint: Joint, near: Array, far: Array) -> dict[str, A
         return {name: np.broadcast_to(axis, (len(far), 3)) for name, axis in zip("xyz", np.eye(3), strict=True)}
     if what == "normal":
         return {"": cross(times(near, joint.axes[0]), times(far, joint.axes[1]))}
-    frame, sideways = {name: far[..., i] for i, name in enumerate("xyz")}, across(joint.axes[0])
+    frame, sideways = {name: far[..., i] for i, name in enumerate("xyz")}, orthogonal_axes(joint.axes[0])
     if what == "across":
         return {name: times(far, direction) for name, direction in sideways.items()}
     along = {name: axis for name, axis in frame.items() if name not in sideways}
@@ -220,9 +221,12 @@ def exerted_wrenches(
         i = index[load.body] - 1
         point = mechanism.bodies[i].com if load.point is None else load.point
         yield i, *load_in_world(load, t, com.R[:, i]), times(com.R[:, i], point - mechanism.bodies[i].com)
-    resisting = ((one.coordinate, -taken(one, states)) for one in (mechanism.resistances if resist is None else resist))
+    resisting = (
+        (one.coordinate, -resistance_force(one, states))
+        for one in (mechanism.resistances if resist is None else resist)
+    )
     for each in (*_joint_forces(mechanism, states, t, applied), *resisting):
-        act = along_coordinate(tree, motion, states.q, *each)
+        act = coordinate_act(tree, motion, states.q, *each)
         for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
             if (i := index[side] - 1) >= 0:
                 yield i, sign * act.force, sign * act.moment, act.point - com.p[:, i]
@@ -283,7 +287,7 @@ def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: A
             yield spring.coordinate, -force
 
 
-def taken(one: Resistance, states: TreeStates) -> Array:
+def resistance_force(one: Resistance, states: TreeStates) -> Array:
     """Return the force of a rotor, damper or dry friction along its coordinate [N or N m]. Shape (n,)."""
     rate = states.qd[:, one.column]
     if one.what == "friction":
@@ -295,7 +299,7 @@ def joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Ap
     """Return forces of springs, dampers, motors, rotors and friction along joints [N or N m]. Shape (n, n_q)."""
     total = np.zeros_like(states.q)
     for one in mechanism.resistances:
-        total[:, one.column] -= taken(one, states)
+        total[:, one.column] -= resistance_force(one, states)
     for coordinate, force in _joint_forces(mechanism, states, t, applied):
         total[:, mechanism.coordinates.index(coordinate)] += force
     return total
@@ -319,7 +323,7 @@ def _pull(
 
 def _line(spring: PointSpring, tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
     """Return the vector from the first point to the second, and its rate. Shape (n, 3) each."""
-    ends = motion.links.frames(stacked([tree.body_frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
+    ends = motion.links.frames(stack_frames([tree.body_frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
     return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]
 
 

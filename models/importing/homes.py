@@ -13,7 +13,7 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ClosureError, first_few
 from screwgauge.reference.linear import EPS, ROUNDED
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.constraints import equations, stepped
+from screwgauge.witness.constraints import equations, move_joints
 from screwgauge.witness.tree import TreeStates
 
 #: Number of Newton starts near home, and their largest distance from home [rad or lengths of the model]; every second
@@ -346,7 +346,7 @@ class Loops:
 
     def stepped(self, q: Array, step: Array) -> Array:
         """Return the coordinates after a dimensionless step, shape (n_freedom,), along all velocities."""
-        return np.asarray(stepped(self.tree, q[None], (step * self.size)[None])[0])
+        return np.asarray(move_joints(self.tree, q[None], (step * self.size)[None])[0])
 
     def newton(self, q: Array) -> tuple[Array, float]:
         """Close the loops from given coordinates with the shortest steps (Levenberg-Marquardt).

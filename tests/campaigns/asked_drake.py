@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
 from screwgauge.diagnosis.libraries import joint_states
-from screwgauge.engines.raw_queries import JointStates, carried
+from screwgauge.engines.raw_queries import JointStates, frame_motion
 from screwgauge.models.kinematics import ReadingTree
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.witness.dynamics import passive_parts
@@ -96,7 +96,7 @@ class _Moves:
             context = plant.CreateDefaultContext()
             frame = plant.EvalBodyPoseInWorld(context, self.joint.child_body()).GetAsMatrix4()
             if self.joint.type_name() == FREE:
-                self.plant, self.start, self.motion = plant, frame, carried(states, frame)
+                self.plant, self.start, self.motion = plant, frame, frame_motion(states, frame)
                 self.put = self._free
             elif self.joint.type_name() == BALL:
                 R = self.joint.frame_on_child().CalcPoseInWorld(context).rotation().matrix()
@@ -125,7 +125,7 @@ class _Moves:
 
     def _ball(self, context: Any, k: int) -> tuple[Array, Array]:
         """Angular velocity of what it carries, along axes of the frame that carries it."""
-        X = carried(self.states, self.states.frame).pose[k][:3, :3]
+        X = frame_motion(self.states, self.states.frame).pose[k][:3, :3]
         R = self.turn @ X @ self.turn.T
         self.joint.set_angles(context, RollPitchYaw(RotationMatrix(R)).vector())
         return self.turn @ X, np.zeros(3)

@@ -13,7 +13,7 @@ from newton.usd import SchemaResolverMjc, SchemaResolverNewton, SchemaResolverPh
 from scipy.spatial.transform import Rotation
 
 from screwgauge.diagnosis.libraries import joint_states
-from screwgauge.engines.raw_queries import JointStates, carried
+from screwgauge.engines.raw_queries import JointStates, frame_motion
 from screwgauge.models.kinematics import ReadingTree
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array, cross, skew
@@ -88,7 +88,7 @@ def _com(model: Any, at: slice) -> Array:
 
 def _free(com: Array, states: JointStates, k: int) -> tuple[Array, Array, Array]:
     """Pose, and velocity of the centre of mass before the angular one, along axes of the world."""
-    T = states.frame @ carried(states, states.frame).pose[k]
+    T = states.frame @ frame_motion(states, states.frame).pose[k]
     R, rates = T[:3, :3], states.qd[k]
     to_com = np.hstack([-skew(com), np.eye(3)])
     turning = cross(rates[:3], to_com @ rates)

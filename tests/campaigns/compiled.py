@@ -18,7 +18,7 @@ from campaigns.rows import grown, keep
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.compiled import CompiledSolution, Solver
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.programs import examined
+from screwgauge.engines.screw.programs import estimate_errors
 from screwgauge.families.draw import families, random
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.problem import GivenMotion, ModelFiles, Rows
@@ -76,7 +76,7 @@ def by_array(scene: Scene, motion: GivenMotion) -> Answers:
     some = [motion.part(slice(i, i + PART)) for i in range(0, len(motion), PART)]
     parts = [work.part(one, work.close(one, work.predict(one))) for one in some]
     units = {name: units for name, (_, units) in work.names().items() if name in parts[0].values}
-    errors = np.concatenate([examined(part, units, work.loops.length) for part in parts])
+    errors = np.concatenate([estimate_errors(part, units, work.loops.length) for part in parts])
     each = np.split(errors, np.cumsum([len({*one}) for one in units.values()]), axis=1)
     values = {name: np.concatenate([part.values[name] for part in parts]) for name in units}
     return {name: (values[name], spread(e, units[name])) for name, e in zip(values, each, strict=False)}

@@ -7,4 +7,4 @@ from screwgauge.diagnosis.machine.placement import coordinate_placement as coord
 from screwgauge.diagnosis.model import load_side
 from screwgauge.models.kinematics import draw, rehome, tree_of
 from screwgauge.models.machine import machine_of
-from screwgauge.witness.constraints import closed
+from screwgauge.witness.constraints import close_loops

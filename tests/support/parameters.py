@@ -3,7 +3,7 @@
 import numpy as np
 
 from screwgauge import Scene
-from screwgauge.engines.screw.nominal import COSTS, stacked
+from screwgauge.engines.screw.nominal import COSTS, stack_inputs
 from screwgauge.engines.screw.variants import VariantLanes, Variants
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.assembly_mode import positions
@@ -43,7 +43,7 @@ def complex_numbers(variants: Variants, motion: GivenMotion, k: int) -> Array:
     symbols = machine.symbols(variants._known, STEPS)
     program = symbols.program(machine.outputs(symbols))
     poses = machine.at(motion.y, motion.yd, motion.ydd, None)
-    values = [*stacked(symbols, poses, variants.nominal).astype(complex)]
+    values = [*stack_inputs(symbols, poses, variants.nominal).astype(complex)]
     row = len(values) - len(variants.names) + k
     values[row] = values[row] + 1j * STEP
     for op, args in program.code:

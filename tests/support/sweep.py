@@ -1,7 +1,7 @@
 """Sweeps and their draws."""
 
 from screwgauge.reference.mechanism import triangle_excess
-from screwgauge.study.sweep.draw import Draw, consistent
+from screwgauge.study.sweep.draw import Draw, consistent_bodies
 from screwgauge.study.sweep.plan import read_plan
 from screwgauge.study.sweep.run import CHUNK, sweep
 

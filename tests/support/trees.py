@@ -49,8 +49,8 @@ class SmallestTree(OpenTree):
         for name in OpenTree.__annotations__:
             setattr(self, name, getattr(tree, name))
 
-    def under(self, gravity: Array | None) -> None:
-        self.right.under(gravity)
+    def set_gravity(self, gravity: Array | None) -> None:
+        self.right.set_gravity(gravity)
 
     def poses(self, q: Array) -> BodyPoses:
         return self.right.poses(q)

@@ -2,8 +2,8 @@
 
 from screwgauge import Results
 from screwgauge.truth import exact, forces, samples
-from screwgauge.truth.exact import drive, number, read_terms, widened
-from screwgauge.truth.forces import newton_euler, required, unknowns
+from screwgauge.truth.exact import drive, number, read_terms, widen_decimals
+from screwgauge.truth.forces import newton_euler, required_wrenches, unknowns
 from screwgauge.truth.kinematics import Certifier, NotCertified, State, state
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Sampler

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.engines.error_estimate import Trust, examined
+from screwgauge.engines.error_estimate import Trust, examine_part
 from screwgauge.engines.kit.answers import Answered, at_samples
 from screwgauge.problem import GivenMotion, Rows
 from screwgauge.quantities import described, length
@@ -108,7 +108,7 @@ class Branch:
             return solve(q[rows] + shake * self._sizes, motion.part(rows), at_samples(applied, rows))[0]
 
         k = motion.y.shape[1]
-        part = examined(values, trust, A, k, again, clock, self._component_units, self._length)
+        part = examine_part(values, trust, A, k, again, clock, self._component_units, self._length)
         return Answered(part.values, q, condition, part)
 
     def _matrix(self, q: Array, y: Array) -> tuple[Array, Array]:

@@ -273,7 +273,7 @@ class Closing:
         self.before = joints.q[-1]
         return self._close(task, x, at, joints, system)
 
-    def shaken(self, closed: ClosedMotion, some: Rows, shake: Array) -> ClosedMotion:
+    def perturb(self, closed: ClosedMotion, some: Rows, shake: Array) -> ClosedMotion:
         """Perturb the unknowns at some samples to simulate rounding.
 
         Args:

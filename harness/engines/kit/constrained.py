@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from screwgauge.engines.error_estimate import ACCELERATED, Trust, examined, worst_of
+from screwgauge.engines.error_estimate import ACCELERATED, Trust, examine_part, worst_of
 from screwgauge.engines.kit.acting import along_joints
 from screwgauge.engines.kit.answers import (
     Answered,
@@ -115,11 +115,11 @@ class _PartSolver:
         values, trust = self._evaluate(closed, applied)
 
         def again(some: Rows, shake: Array) -> dict[str, Array]:
-            return self._evaluate(self.closing.shaken(closed, some, shake), at_samples(applied, some))[0]
+            return self._evaluate(self.closing.perturb(closed, some, shake), at_samples(applied, some))[0]
 
         table, k = described(mechanism, self.problem.points), motion.y.shape[1]
         units = {name: units for name, (_, units) in table.items()}
-        part = examined(values, trust, closed.system, k, again, self.clock, units, length(mechanism))
+        part = examine_part(values, trust, closed.system, k, again, self.clock, units, length(mechanism))
         return Answered(part.values, closed.q, closed.condition, part)
 
     def _evaluate(self, closed: ClosedMotion, applied: Applied) -> tuple[dict[str, Array], Trust]:

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from screwgauge.engines.raw_queries import Answers, JointStates, carried
+from screwgauge.engines.raw_queries import Answers, JointStates, frame_motion
 from screwgauge.models.readings.compiled import collect_phrases
 from screwgauge.models.readings.mujoco import load_mujoco
 from screwgauge.models.readings.source import prepare
@@ -37,7 +37,7 @@ def ask(
     return Answers(COVERS, tau, M, bias, gravity, velocity, acceleration)
 
 
-def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> tuple[Array, Array]:
+def closing_rows(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> tuple[Array, Array]:
     """Return the equality rows in the reading's velocities, with all other constraints disabled.
 
     Returns:
@@ -85,7 +85,7 @@ def _closing(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ..
 def _carry(model: Any, data: Any, name: str, states: JointStates) -> tuple[Array, Array]:
     body, frame = model.jnt_bodyid[model.joint(name).id], np.eye(4)
     frame[:3, :3], frame[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-    pose, velocity = carried(states, frame)
+    pose, velocity = frame_motion(states, frame)
     return frame @ pose if states.kind == "free" else pose, velocity
 
 

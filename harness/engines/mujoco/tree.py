@@ -128,7 +128,7 @@ class MujocoTree(OpenTree):
         prepare(model)
         return model
 
-    def under(self, gravity: Array | None) -> None:
+    def set_gravity(self, gravity: Array | None) -> None:
         self.model.opt.gravity[:] = self.gravity if gravity is None else gravity
 
     def _check_motors(self, file: LoopsFile) -> None:

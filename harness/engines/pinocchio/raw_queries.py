@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.raw_queries import Answers, JointStates, carried
+from screwgauge.engines.raw_queries import Answers, JointStates, frame_motion
 from screwgauge.models.readings.pinocchio import elementary, load_pinocchio, start
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array
@@ -74,7 +74,7 @@ def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple
                 states.q if part.n_q == 1 else np.stack([np.cos(angle), np.sin(angle)], axis=1)
             )
         else:
-            pose, velocity = carried(states, data.oMi[part.joint].homogeneous)
+            pose, velocity = frame_motion(states, data.oMi[part.joint].homogeneous)
             begin = pin.XYZQUATToSE3(q[0, part.q : part.q + 7]).homogeneous if width == 6 else np.eye(4)
             q[:, part.q : part.q + part.n_q] = [_coordinates(begin @ T, width) for T in pose]
             # [linear; angular] of a free joint

@@ -87,7 +87,7 @@ class PinocchioTree(OpenTree):
         self.moves = np.array([[j in some for j in columns] for some in carriers], dtype=float)
         self.views = _Views(self.data)
 
-    def under(self, gravity: Array | None) -> None:
+    def set_gravity(self, gravity: Array | None) -> None:
         self.model.gravity.linear[:] = self.gravity if gravity is None else gravity
 
     def _parent(self, joint: int) -> str:

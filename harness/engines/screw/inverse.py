@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import SolvedPart, Trust, amplification, examined
+from screwgauge.engines.error_estimate import SolvedPart, Trust, amplification, examine_part
 from screwgauge.engines.screw.programs import undriven_columns
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
@@ -79,7 +79,7 @@ class Work:
         with self.clock.stage("positions"):
             return self.mode.close(poses)
 
-    def under(self, loads: Array | None) -> Work:
+    def with_loads(self, loads: Array | None) -> Work:
         """Return a copy with the given force and torque of each load at each sample. Shape (6 n_load, n)."""
         if loads is None:
             return self
@@ -94,21 +94,21 @@ class Work:
 
     def part(self, motion: GivenMotion, closed: Array) -> SolvedPart:
         """Compute all requested quantities at closed poses. Shape (n, n_q)."""
-        values, trust, A = self.beyond(closed, motion)
+        values, trust, A = self.evaluate(closed, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
-            return self.shaken(closed[doubtful], motion.part(doubtful), shake)
+            return self.perturbed_values(closed[doubtful], motion.part(doubtful), shake)
 
         units = {name: units for name, (_, units) in self.names().items()}
-        return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)
+        return examine_part(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)
 
-    def shaken(self, closed: Array, motion: GivenMotion, shake: Array) -> dict[str, Array]:
+    def perturbed_values(self, closed: Array, motion: GivenMotion, shake: Array) -> dict[str, Array]:
         """Return values at poses perturbed by `shake` in dimensionless unknowns. Shapes (n, n_q), (n, n_unknown)."""
         q, moving = closed.copy(), self.loops.unknown
         q[:, moving] += shake * self.loops.sizes[moving]
-        return self.beyond(read(self.lay, q), motion)[0]
+        return self.evaluate(read(self.lay, q), motion)[0]
 
-    def beyond(self, q: Array, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
+    def evaluate(self, q: Array, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
         """Compute the requested quantities at closed poses, with their error data and the closing system."""
         loops, problem = self.loops, self.problem
         with self.clock.stage("velocities"):

@@ -48,7 +48,7 @@ def _steiner(com: Array) -> Array:
     return np.stack([(square if i == k else 0.0) - com[..., i] * com[..., k] for i, k in _PLACES], axis=-1)
 
 
-def consistent(body: Array, z: Array) -> Array:
+def consistent_bodies(body: Array, z: Array) -> Array:
     """Return physically possible bodies near a given body.
 
     Their pseudo-inertias are ``L (1 + z) (1 + z)^T L^T``, where ``L L^T`` is the pseudo-inertia of the given body.

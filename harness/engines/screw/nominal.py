@@ -134,7 +134,7 @@ class NominalMachine:
         return mode.close(guess)
 
 
-def stacked(symbols: Symbols, poses: NominalPoses, numbers: Array) -> Array:
+def stack_inputs(symbols: Symbols, poses: NominalPoses, numbers: Array) -> Array:
     """Stack all inputs of a program at closed poses; `numbers` has shape (P,). Shape (inputs, n)."""
     parts = [poses.rows, poses.q[:, symbols.predicted], poses.q[:, symbols.near]]
     return np.ascontiguousarray(np.concatenate([*parts, np.tile(numbers, (len(poses.q), 1))], axis=1).T)
@@ -163,7 +163,7 @@ class Slopes:
             self._rows = len(program.outputs), runner(program, "numpy")[0]
         count, run = self._rows
         entries = np.empty((count, n))
-        run.bind([stacked(self._symbols, poses, self.nominal)], [entries])()
+        run.bind([stack_inputs(self._symbols, poses, self.nominal)], [entries])()
         change = np.ascontiguousarray(np.moveaxis(entries.reshape(-1, P, n), -1, 0))
         loops = loop_equations(self.machine.lay)
         system, size = loops.closed(poses.q).system, loops.size[: loops.moving, None]
@@ -186,7 +186,7 @@ class Slopes:
         worst = np.abs(self._openings).max(axis=(0, 1), initial=0.0)
         return {name: float(x) for name, x in zip(self.names, worst, strict=True) if x > COSTS}
 
-    def together(self) -> list[dict[str, float]]:
+    def combinations(self) -> list[dict[str, float]]:
         """Return combinations of these parameters that preserve mobility to first order, in echelon form."""
         names = [*self.costs()]
         some = self._openings[..., [self.names.index(name) for name in names]].reshape(-1, len(names))

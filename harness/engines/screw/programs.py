@@ -20,7 +20,7 @@ from screwgauge.engines.error_estimate import (
     CLEAR_FORCES,
     SolvedPart,
     Trust,
-    absolute,
+    absolute_error,
     by_powers,
     summand,
 )
@@ -157,13 +157,13 @@ def rows_not_finite(values: Mapping[str, Array]) -> Rows:
     return np.flatnonzero(~np.all([np.isfinite(x).all(axis=1) for x in values.values()], axis=0))
 
 
-def examined(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float) -> Array:
+def estimate_errors(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float) -> Array:
     """Estimate errors like `Bounds.estimated`, but at any samples, including doubtful ones. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():
         whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
         for unit, local in _sizes(name, whole, each, part.trust, length):
-            errors.append(absolute(name, part, local, [i for i, has in enumerate(each) if has == unit]))
+            errors.append(absolute_error(name, part, local, [i for i, has in enumerate(each) if has == unit]))
     return np.stack(errors, axis=1)
 
 
@@ -337,6 +337,6 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
         raise NotTraceableError("programs do not compute mass matrices", mechanism.name, "use the array solver")
 
 
-def flat(arrays: Mapping[str, Array]) -> bool:
+def has_contiguous_columns(arrays: Mapping[str, Array]) -> bool:
     """Return True if the numbers of each column are contiguous."""
     return all(array.strides[0] == array.itemsize for array in arrays.values())

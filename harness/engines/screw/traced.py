@@ -12,9 +12,18 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import SolvedPart, Trust, vanishing
+from screwgauge.engines.error_estimate import SolvedPart, Trust, vanishing_samples
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.programs import Bound, Bounds, Numbers, check_traceable, examined, flat, roots, runner_of
+from screwgauge.engines.screw.programs import (
+    Bound,
+    Bounds,
+    Numbers,
+    check_traceable,
+    estimate_errors,
+    has_contiguous_columns,
+    roots,
+    runner_of,
+)
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import FLOAT64, OF_MOTION, NumberType
@@ -183,7 +192,7 @@ class TracedWork:
             The bound program. None if the program needs predictions, or if the numbers of a component are not
             contiguous; use `part` in these cases.
         """
-        if self.guessed or self.traced is None or self.traced.timed or not flat(values):
+        if self.guessed or self.traced is None or self.traced.timed or not has_contiguous_columns(values):
             return None
         if self.bound is None or not self.bound.fits(inputs, values):
             n = len(inputs[0])
@@ -237,11 +246,11 @@ class TracedWork:
             guess: See `predict`.
             loads: Force and torque of each load at every sample, if they differ. Shape (m, n).
             into: Arrays for the values, see `arrays`.
-            thorough: Whether the array solver answers samples at which a quantity vanishes, see `vanishing`.
+            thorough: Whether the array solver answers samples at which a quantity vanishes, see `vanishing_samples`.
         """
         if loads is None and self.varying is not None:
             loads = _loads(self.varying, motion.t)
-        arrays = self.arrays(len(motion)) if into is None or not flat(into) else into
+        arrays = self.arrays(len(motion)) if into is None or not has_contiguous_columns(into) else into
         values = {name: arrays[name] for name in self.wanted}
         if self.traced is None:
             self.by_array[self.reason] += len(motion)
@@ -276,7 +285,7 @@ class TracedWork:
             if guarded and not clear:
                 left = self.bounds.left(out, trust, values, self.by_array)
             if guarded and thorough:
-                zeros = np.setdiff1d(vanishing(values, trust, self.units, self.length), left)
+                zeros = np.setdiff1d(vanishing_samples(values, trust, self.units, self.length), left)
                 self.by_array["zero relative to their terms"] += len(zeros)
                 left = np.union1d(left, zeros)
         return SolvedPart(values, trust, left, {})
@@ -293,11 +302,11 @@ class TracedWork:
         rows = part.doubtful
         if not rows.size:
             return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
-        work, some = self.work.under(None if loads is None else loads[:, rows]), motion.part(rows)
+        work, some = self.work.with_loads(None if loads is None else loads[:, rows]), motion.part(rows)
         begun = work.predict(some) if guess is None else guess.rows(rows)
         other = work.part(some, work.close(some, begun))
         for name, array in arrays.items():
-            array[rows] = examined(other, self.units, self.length) if name == "error" else other.values[name]
+            array[rows] = estimate_errors(other, self.units, self.length) if name == "error" else other.values[name]
         return SolvedPart(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
     def _choose_nearest(self, values: dict[str, Array], near: Array) -> None:

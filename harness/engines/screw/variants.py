@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from screwgauge.engines.screw.buffers import check_finite
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.matter import Matter
-from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses, Slopes, stacked
+from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses, Slopes, stack_inputs
 from screwgauge.engines.screw.programs import runner
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_choice
 from screwgauge.reference.graph import layout
@@ -159,8 +159,8 @@ class Variants:
 
     @cached_property
     def can_change_together(self) -> list[dict[str, float]]:
-        """Combinations that preserve mobility; each contains a parameter not in the others, see `Slopes.together`."""
-        return self._slopes.together()
+        """Combinations that preserve mobility, each with a parameter not in the others, see `Slopes.combinations`."""
+        return self._slopes.combinations()
 
     def __call__(
         self, y: Array, yd: Array, ydd: Array, *, parameters: Mapping[str, Any], t: Array | None = None
@@ -359,7 +359,7 @@ class Variants:
     def _pulled(self, poses: NominalPoses, weights: Array) -> Array:
         symbols, run = self._pull
         out = np.empty((len(self.names), len(poses.q)))
-        run.bind([stacked(symbols, poses, self.nominal), np.ascontiguousarray(weights.T)], [out])()
+        run.bind([stack_inputs(symbols, poses, self.nominal), np.ascontiguousarray(weights.T)], [out])()
         return np.ascontiguousarray(out.T)
 
 

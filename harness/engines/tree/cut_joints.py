@@ -84,7 +84,7 @@ class Chart:
         """
         return replace(self, q=nearest_angles(self.q, angles)[0])
 
-    def agreeing(self, i: int, angle: Array) -> Chart:
+    def with_angle(self, i: int, angle: Array) -> Chart:
         """Return a chart of the same rotations with triples whose angle `i` is nearest to `angle`, of shape (n,)."""
         if self.q.shape[1] < 3:
             return self

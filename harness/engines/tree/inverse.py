@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import ACCELERATED, SolvedPart, Trust, examined, worst_of
+from screwgauge.engines.error_estimate import ACCELERATED, SolvedPart, Trust, examine_part, worst_of
 from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.poses import counted_turns
 from screwgauge.engines.kit.projection import idle_accelerations
@@ -104,7 +104,7 @@ class _Work:
             return _Pass(self, _Poses(some, there, poses, read, angles, matrix)).all()[0]
 
         units = {name: units for name, (_, units) in self.names().items()}
-        return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.sizes.length)
+        return examine_part(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.sizes.length)
 
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
         """Return the residuals of closures and then of y, and their derivative."""
@@ -112,7 +112,7 @@ class _Work:
         charts, ends = loops.charts(at, closed.given), loops.ends(at)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
             if name:
-                charts[name] = charts[name].agreeing(i, value)
+                charts[name] = charts[name].with_angle(i, value)
         errors = [closed.gaps(q, at, ends)]
         for value, (column, name, i) in zip(y.T, loops.independent, strict=True):
             if column is None:  # an angle, read within a turn
@@ -148,7 +148,7 @@ class _Work:
         return component_names(*named, points=self.problem.points)
 
 
-def unlocked(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
+def mask_gimbal_lock(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
     """Return rates of cut joints, (n, m) each, with NaN in gimbal lock."""
     return {
         name: np.where((charts[name].condition <= linear.SINGULAR)[:, None], rate, np.nan)
@@ -206,7 +206,7 @@ class _Pass:
         self.V = poses.at.velocities(self.v)
         if self.sprung or self.wanted & {"joint_velocity", *_MOVED}:
             self.cut_v = self.closed.cut_velocities(poses.charts, self.V)
-            self.values["joint_velocity"] = self.closed.joints(self.v, unlocked(poses.charts, self.cut_v))
+            self.values["joint_velocity"] = self.closed.joints(self.v, mask_gimbal_lock(poses.charts, self.cut_v))
         else:
             self.cut_v = self.closed.cut_velocities({name: poses.charts[name] for name in self.closed.given}, self.V)
         self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
@@ -251,7 +251,7 @@ class _Pass:
             self.values["com_acceleration"] = com[:, [b - 1 for b in closed.bodies]].reshape(n, -1)
         A = bias + poses.at.velocities(self.a)
         cut_a = closed.cut_accelerations(poses.charts, self.cut_v, self.V, A)
-        self.values["joint_acceleration"] = closed.joints(self.a, unlocked(poses.charts, cut_a))
+        self.values["joint_acceleration"] = closed.joints(self.a, mask_gimbal_lock(poses.charts, cut_a))
         self.values["body_angular_acceleration"] = A[:, closed.bodies, :3].reshape(n, -1)
         if "resistance" in self.wanted:
             rates, changes = self.values["joint_velocity"], self.values["joint_acceleration"]

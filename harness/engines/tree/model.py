@@ -58,7 +58,7 @@ class TreeModel:
         """
         closed, dynamics, task = self.closed, self.dynamics, problem.task
         self._check(problem)
-        closed.tree.under(problem.applied.gravity)
+        closed.tree.set_gravity(problem.applied.gravity)
         if isinstance(task, GivenMotion):
             return solve_motion(closed, problem, task, progress)
         if dynamics is None:

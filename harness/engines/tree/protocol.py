@@ -121,7 +121,7 @@ class OpenTree(Protocol):
     rounding: float = 0.0
 
     @abstractmethod
-    def under(self, gravity: Array | None) -> None:
+    def set_gravity(self, gravity: Array | None) -> None:
         """Set gravity [m/s^2], shape (3,); None restores the model file's gravity."""
 
     @abstractmethod

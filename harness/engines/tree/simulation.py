@@ -25,8 +25,8 @@ from screwgauge.engines.methods import (
     Pace,
     State,
     check_method,
+    interpolate_linearly,
     keep_passed,
-    straight,
 )
 from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed_states import Path, project, read_path
@@ -79,7 +79,7 @@ class _TreeRun:
         Raises:
             ScrewgaugeError: A joint sticks.
         """
-        if held := self.friction.holds(before, after, between or straight(before, after)):
+        if held := self.friction.holds(before, after, between or interpolate_linearly(before, after)):
             raise ScrewgaugeError(held, self.mover.tree.engine, "end the motion earlier")
 
     def slope(self, t: float, state: Array) -> Array:

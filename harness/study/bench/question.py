@@ -35,7 +35,7 @@ from screwgauge.study.reference_values import PreparedScene, Reference, deviatio
 from screwgauge.study.solving import ask, model_files, solve
 from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion
-from screwgauge.witness.tree import stacked
+from screwgauge.witness.tree import stack_frames
 
 #: Scaled error below which no warning is needed: the largest tolerance with which a scene agrees.
 GOOD = 1e-9
@@ -355,7 +355,7 @@ def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, A
     closures = loops_of(tree.mechanism, "minimal").closures
     parent, child = (
         motion.links.frames(
-            stacked([tree.on(getattr(c, side), Frame(x)) for c in closures for x in getattr(c, f"{side}_points")])
+            stack_frames([tree.on(getattr(c, side), Frame(x)) for c in closures for x in getattr(c, f"{side}_points")])
         )
         for side in ("parent", "child")
     )

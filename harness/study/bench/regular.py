@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from screwgauge.judging.answer import timed
+from screwgauge.judging.answer import motion_task
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import ModelFiles, Problem
 from screwgauge.reference.applied import Load
@@ -148,7 +148,7 @@ def _sample_numbers(count: int) -> Array:
 
 def stream_samples(lay: Layout, problem: Problem, *, scene: Scene, count: int) -> Solution:
     """Solve all samples of a scene with `screw`, part by part, and return those at the times of a problem."""
-    clock, at = Stopwatch(), np.rint(timed(problem).t / STEP).astype(int)
+    clock, at = Stopwatch(), np.rint(motion_task(problem).t / STEP).astype(int)
     parts: dict[str, list[Values]] = {name: [] for name in sorted(problem.wanted)}
     worst, done, version = 0.0, 0, ""
     for t, solution in stream(scene, times(count, STEP, first=STEP), engine="screw", quantities=problem.wanted):
@@ -166,7 +166,7 @@ def paper_steps(lay: Layout, problem: Problem, *, scene: Scene, method: str) -> 
     The times of the problem are ends of steps.
     """
     clock, parts, side, first = Stopwatch(), PARTS[method], chains(lay), np.zeros(1)
-    ends = np.rint(timed(problem).t / SCHEME_STEP).astype(int)
+    ends = np.rint(motion_task(problem).t / SCHEME_STEP).astype(int)
     theta, kept = side.gather(positions(lay, scene.moved(first).y, first)), []
     for begin in range(0, int(ends[-1]), PART):
         n = min(PART, int(ends[-1]) - begin)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
-from screwgauge.engines.screw.matter import consistent
+from screwgauge.engines.screw.matter import consistent_bodies
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 from screwgauge.study.identify.regressor import Regressor
@@ -23,7 +23,7 @@ ROUNDS, LEAST = 3, 1e-6
 class Unknowns:
     """Dimensionless coordinates of all numbers: zero is the scene, one is a standard deviation of the prior.
 
-    Each body has ten coordinates, see `consistent`, so that every point is a physically consistent body; each
+    Each body has ten coordinates, see `consistent_bodies`, so that every point is a physically consistent body; each
     resistance has one, with a lower bound.
     """
 
@@ -40,7 +40,7 @@ class Unknowns:
     def numbers(self, x: Array) -> Array:
         """Return the numbers in the order of `Matter.nominal`. Shape (count, V) -> (V, count)."""
         bodies, first = self.matter.of_bodies(self.matter.nominal), self.matter.end
-        parts = [consistent(body, self.prior * x[10 * i : 10 * i + 10]).T for i, body in enumerate(bodies)]
+        parts = [consistent_bodies(body, self.prior * x[10 * i : 10 * i + 10]).T for i, body in enumerate(bodies)]
         return np.concatenate([*parts, self.matter.nominal[first:] + self.deviations * x[first:].T], axis=1)
 
     def features(self, x: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import qmc
 
-from screwgauge.engines.screw.matter import consistent
+from screwgauge.engines.screw.matter import consistent_bodies
 from screwgauge.problem import Rows
 from screwgauge.reference.parameters import numbers
 from screwgauge.reference.rotations import Array
@@ -66,7 +66,7 @@ class Draw:
         for one in self.plan.scatter:
             if one.kind == "body":
                 z = one.size * ndtri(uniform[row : row + BODY])
-                found.append(consistent(np.array(self.bodies[one.name]), z))
+                found.append(consistent_bodies(np.array(self.bodies[one.name]), z))
                 row += BODY
                 continue
             way = 2.0 * uniform[row] - 1.0 if one.kind == "uniform" else ndtri(uniform[row])
@@ -82,7 +82,7 @@ class Draw:
             ways = np.zeros((len(self.names), width))
             if one.kind == "body":
                 step = 1e-6 * np.eye(BODY)
-                ends = [consistent(np.array(self.bodies[one.name]), sign * step) for sign in (1.0, -1.0)]
+                ends = [consistent_bodies(np.array(self.bodies[one.name]), sign * step) for sign in (1.0, -1.0)]
                 ways[row : row + width] = one.size * (ends[0] - ends[1]) / 2e-6
             else:
                 ways[row, 0] = one.deviation
