@@ -29,7 +29,7 @@ actuators, and named points (`Point`). Tasks are `GivenMotion` (inverse dynamics
 **Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` returns the ordered
 components and units of each quantity, of type `Names`. `stages` returns the last stage of the computation that the
 wanted quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer` builds the
-solution from a function that solves each part of a motion (`Answered`).
+solution from a function that solves each part of a motion (`SolvedPart`).
 
 **Bodies and joints.** `body_poses` computes the poses of bodies from joint coordinates, such as those of the home pose;
 `absolute_poses` computes them from positions and quaternions. `read_joints` reads joint coordinates from poses,
@@ -47,8 +47,8 @@ requires on each body (Newton-Euler equations) from its `Matter`, which `matter_
 `solve_constrained` solves a problem with it, for all quantities except tree forces, and estimates their errors; an
 engine that also has an integrator is a `Stepped`, which `solve_stepwise` uses. `temporary` changes settings of a
 library within a context. `solve_constrained` consists of these parts: `Closing` follows a motion from the assembly mode
-of the home pose by the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations (`Accelerated`) and forces
-(`Balanced`); `min_norm` and `along_line` are the rules for redundant actuators, `axial_line` returns the line for
+of the home pose by the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations (`Accelerated`) and
+forces; `min_norm` and `along_line` are the rules for redundant actuators, `axial_line` returns the line for
 `along_line`; `idle_accelerations` computes the accelerations of the `idle` coordinates of a `GivenMotion`, which no
 actuator drives; `unit_wrenches` and `joint_wrenches` are the wrenches that joints exert, from their multipliers;
 `reactions` returns components of wrenches at joints; `motion_values`, `force_values` and `inertia_values` return the
@@ -78,11 +78,11 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.error_estimate import ACCELERATED, worst_of
+from screwgauge.engines.error_estimate import ACCELERATED, SolvedPart, worst_of
 from screwgauge.engines.kit.acting import acting, along_joints, load_point, resistance
-from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values, temporary
+from screwgauge.engines.kit.answers import answer, force_values, inertia_values, motion_values, temporary
 from screwgauge.engines.kit.branch import Branch
-from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion, Closing, Placement
+from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.constrained import Constrained, solve_constrained
 from screwgauge.engines.kit.newton_euler import Matter, matter_of, required_wrenches, summed_inwards
 from screwgauge.engines.kit.poses import (
@@ -149,10 +149,8 @@ __all__ = [
     "GROUND",
     "OF_MOTION",
     "Accelerated",
-    "Answered",
     "Applied",
     "Array",
-    "Balanced",
     "Body",
     "BodyPoses",
     "Branch",
@@ -200,6 +198,7 @@ __all__ = [
     "ScrewgaugeError",
     "SingularPoseError",
     "Solution",
+    "SolvedPart",
     "States",
     "Stepped",
     "Trace",

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 import screwgauge
 from screwgauge import Scene
-from screwgauge.judging.allowance import MOST, WITHIN, Left
+from screwgauge.judging.allowance import MOST, WITHIN, Granted
 from screwgauge.judging.trust import integration_errors
 from screwgauge.study.simulations import add_observables, loosen
 from support.data import DATA, data
@@ -253,12 +253,13 @@ def test_what_integration_leaves_at_the_end_is_not_admitted_at_the_beginning():
 def test_more_than_ten_thousandths_is_not_put_down_to_integration():
     row = motions(late=2e-3, error=np.full(3, 1.0))
     assert not row["ok"]
-    assert "more than 0.0001" in row["reason"]
+    assert "at most 0.0001" in row["reason"]
 
 
 def test_an_unknown_error_of_integration_is_none():
-    grown = Left(1.0, {"screw": np.array([0.0, np.nan])})
-    assert grown.admitted(2).tolist() == [0.0, 0.0]
+    limits = np.zeros(2)
+    grown = Granted(0.0, limits, limits, "", 1.0, {"screw": np.array([0.0, np.nan])}, False)
+    assert grown.admitted.tolist() == [0.0, 0.0]
     assert grown.reason(1e-3, 1, ok=False, usual=1e-9) == ""
 
 

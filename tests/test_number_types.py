@@ -7,7 +7,7 @@ import pytest
 
 import screwgauge
 from screwgauge.engines.rounding import operations, rounding_errors
-from screwgauge.engines.screw.model import ScrewModel, Settings
+from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.quantities import FLOAT32, GIVEN
 from screwgauge.reference.equations.recursion import MOVING, BodyAccelerations
@@ -44,7 +44,7 @@ def toy(monkeypatch):
                 return answer(super().solve(problem(given)))
 
         def load(files, precision="float64"):
-            return Toy(layout(mechanism(load_mechanism(files.model))), settings=Settings(precision="float32"))
+            return Toy(layout(mechanism(load_mechanism(files.model))), precision="float32")
 
         module = ModuleType("toy_of_number_types")
         module.load = load
@@ -125,7 +125,7 @@ def test_the_sign_of_gyroscopic_moments_is_found(toy, monkeypatch):
     monkeypatch.setattr(
         sys.modules["toy_of_number_types"],
         "load",
-        lambda files, precision: Planted(layout(load_mechanism(files.model)), settings=Settings(precision=precision)),
+        lambda files, precision: Planted(layout(load_mechanism(files.model)), precision=precision),
     )
     results = screwgauge.run(few(screwgauge.load_scene("arm7")), engines=["screw", "toy@float32"], quantities=FORCES)
     assert {"differ", "faulted"} <= {*results.outcomes}
@@ -180,7 +180,7 @@ def test_machine_code_in_float32_says_what_numpy_says(name):
     scene = few(screwgauge.load_scene(name), 37)
     lay, problem = layout(scene.mechanism), scene.problem(("actuator_force", "joint_position"))
     right, *narrow = (
-        ScrewModel(lay, settings=Settings(backend, precision)).solve(problem)
+        ScrewModel(lay, backend=backend, precision=precision).solve(problem)
         for backend, precision in (("array", "float64"), ("numpy", "float32"), ("llvm", "float32"))
     )
     for quantity, values in right.values.items():

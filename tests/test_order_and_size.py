@@ -15,7 +15,7 @@ from support.judging import agreed
 from support.mechanism import load_mechanism, mechanism_path, read_tables
 from support.models import check_file, check_table, write_models
 from support.scene import GIVEN
-from support.solve import ScrewModel, Settings, layout
+from support.solve import ScrewModel, layout
 
 pytestmark = pytest.mark.slow
 
@@ -71,7 +71,7 @@ def test_estimates_do_not_know_the_unit_of_mass(backend, tmp_path):
     scene, found = few(screwgauge.load_scene("3ups-upu-s")), []
     for mass in (1.0, 1e9):
         heavy = resized(scene, tmp_path, 1.0, mass)
-        model = ScrewModel(layout(heavy.mechanism), settings=Settings(backend=backend))
+        model = ScrewModel(layout(heavy.mechanism), backend=backend)
         found.append({name: error.scaled for name, error in model.solve(heavy.problem(GIVEN)).errors.items()})
     light, heavy = found
     for name in light:

@@ -14,7 +14,7 @@ from support.geometry import rotation
 from support.judging import agreed
 from support.mechanism import KINDS, ROD, Frame, Joint, load_mechanism, spanning_tree
 from support.scene import GIVEN
-from support.solve import ScrewModel, Settings, layout
+from support.solve import ScrewModel, layout
 
 #: Name -> independent coordinates, and joints: kind, with a star where it is driven, parent and child.
 MECHANISMS = {
@@ -128,7 +128,7 @@ def test_every_spanning_tree_has_the_same_motion_and_forces(name, seed, tmp_path
     programs = {*{kind: cut for cut, kind in kinds.items()}.values()}  # one of each that differs in kinds
     for cut, tree in found.items():
         for backend in ("array", "numpy", "llvm") if cut in programs else ("array",):
-            other = ScrewModel(tree, settings=Settings(backend=backend)).solve(problem)
+            other = ScrewModel(tree, backend=backend).solve(problem)
             assert worst(other, usual)[1] < AGREED
             assert backend == "array" or by_program(other) == len(scene.t)
 

@@ -49,14 +49,14 @@ def test_a_reversed_reaction_of_trees_is_seen(scene, witness, monkeypatch):
 
 
 def test_loads_of_trees_that_are_larger_by_a_hundredth_are_seen(scene, witness, monkeypatch):
-    right = acting.exert_on_bodies
+    right = acting.wrenches_on_bodies
 
-    def larger(out, applied, *more):
+    def larger(applied, *more):
         loads = tuple(replace(load, force=1.01 * load.force, torque=1.01 * load.torque) for load in applied.loads)
-        right(out, replace(applied, loads=loads), *more)
+        return right(replace(applied, loads=loads), *more)
 
     for module in (acting, applied_forces):
-        monkeypatch.setattr(module, "exert_on_bodies", larger)
+        monkeypatch.setattr(module, "wrenches_on_bodies", larger)
     assert differences(scene, *TREES) == {}
     seen = differences(scene, TREES[0], witness)
     assert seen.keys() == {"generalized_force", "actuator_force", "reaction"}

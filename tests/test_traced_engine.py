@@ -14,7 +14,7 @@ from support.errors import UnknownNameError
 from support.geometry import rotation
 from support.mechanism import load_mechanism
 from support.scene import GIVEN, GivenMotion
-from support.solve import LONG, ScrewModel, Settings, check_traceable, layout
+from support.solve import LONG, ScrewModel, check_traceable, layout
 from support.strategies import FEW, scenes
 from support.traced import NotTraceableError
 
@@ -29,7 +29,7 @@ SAME = 1e-11
 
 
 def solved(scene, backend, **settings):
-    model = ScrewModel(layout(scene.mechanism), settings=Settings(backend=backend, **settings))
+    model = ScrewModel(layout(scene.mechanism), backend=backend, **settings)
     return model.solve(scene.problem(GIVEN))
 
 

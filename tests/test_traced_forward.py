@@ -9,7 +9,7 @@ from support.acting import Applied, Course, JointSpring, Load, Motor, PointSprin
 from support.engines import Problem
 from support.mechanism import load_mechanism
 from support.scene import InitialValue, Integration
-from support.solve import ScrewModel, Settings, TracedForward, layout, moved
+from support.solve import ScrewModel, TracedForward, layout, moved
 from support.traced import NotTraceableError
 
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
@@ -69,7 +69,7 @@ def test_slopes_are_those_of_the_arrays(name, backend):
 def simulated(name, until, backend):
     scene = screwgauge.load_scene(name)
     task = replace(scene.start, t=np.linspace(0.0, until, 5))
-    model = ScrewModel(layout(scene.mechanism), settings=Settings(backend=backend))
+    model = ScrewModel(layout(scene.mechanism), backend=backend)
     return model.solve(Problem(scene.applied, task, MOTION))
 
 

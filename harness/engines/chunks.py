@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,9 +25,8 @@ def assemble(
     names: Callable[[], Names],
     clock: Clock,
     progress: Progress,
-    *,
-    length: float,
-    mass: float,
+    size: tuple[float, float],
+    at_once: int = PART,
 ) -> Solution:
     """Solve a trajectory part by part.
 
@@ -36,12 +35,13 @@ def assemble(
         n: Number of samples.
         solve_part: Solves the rows of a part.
         names: Called afterwards; returns the components of each quantity.
-        length, mass: Length and mass of the mechanism [m, kg].
+        size: Length and mass of the mechanism [m, kg].
+        at_once: Number of samples in a part.
     """
     parts: list[SolvedPart] = []
-    for first in range(0, n, PART):
-        parts.append(solve_part(slice(first, first + PART)))
-        progress(min(1.0, (first + PART) / n))
+    for first in range(0, n, at_once):
+        parts.append(solve_part(slice(first, first + at_once)))
+        progress(min(1.0, (first + at_once) / n))
     table, (engine, version, setting) = names(), labels
     values = {key: Values(*table[key], np.concatenate([part.values[key] for part in parts])) for key in parts[0].values}
     return Solution(
@@ -51,7 +51,8 @@ def assemble(
         values=values,
         condition=np.concatenate([part.trust.condition for part in parts]),
         timings=clock.timings(engine, setting, n),
-        errors={name: error_of(name, parts, has, length, mass) for name, has in values.items()},
+        errors={name: error_of(name, parts, has, *size) for name, has in values.items()},
+        assembly=np.concatenate([part.q for part in parts if part.q is not None]),
     )
 
 
@@ -69,68 +70,59 @@ class JointMotion:
     a: Array
     condition: Array
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Simulated:
-    """An integrated motion that reached m of the n grid times.
-
-    Attributes:
-        work: Work of motors, loads and dampers since the start [J]; NaN if unknown. Shape (m,).
-        stopped: Why the motion ended early, empty if it did not.
-        reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if requested.
-    """
-
-    read: JointMotion
-    work: Array
-    cost: Cost
-    stopped: str = ""
-    notes: tuple[str, ...] = ()
-    reactions: tuple[tuple[str, ...], tuple[str, ...], Array] | None = None
-
-    def solution(self, labels: tuple[str, str, str], joints: Sequence[Joint], task: InitialValue) -> Solution:
-        """Convert to a solution at the requested times, with NaN beyond the end.
+    def solution(
+        self,
+        labels: tuple[str, str, str],
+        joints: Sequence[Joint],
+        task: InitialValue,
+        work: Array,
+        cost: Cost,
+        stopped: str = "",
+        reactions: Values | None = None,
+    ) -> Solution:
+        """Convert to a solution at the requested times, with NaN beyond the last grid time that the motion reached.
 
         Args:
             labels: Engine, version, setting.
+            work: Work of motors, loads and dampers since the start [J]; NaN if unknown. Shape (m,).
+            stopped: Why the motion ended early, empty if it did not.
+            reactions: Constraint forces, if requested.
 
         Raises:
             ClosureError: No requested time was reached.
         """
         engine, version, setting = labels
         extra, n = len(task.grid) - len(task), len(task)
-        m = len(self.work) - extra
+        m = len(work) - extra
         if m < 1:
-            raise ClosureError(
-                f"the simulation stopped before the first sample: {self.stopped}", engine, "change the initial state"
-            )
+            what = f"the simulation stopped before the first sample: {stopped}"
+            raise ClosureError(what, engine, "change the initial state")
 
         def filled(array: Array) -> Array:
             out = np.full((n, *array.shape[1:]), np.nan)
             out[:m] = array[extra:]
             return out
 
-        units, read = joint_units(joints), self.read
+        units = joint_units(joints)
         values = {
             name: Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
-            for name, array, per in zip(OF_JOINTS, (read.q, read.v, read.a), RATE.values(), strict=True)
+            for name, array, per in zip(OF_JOINTS, (self.q, self.v, self.a), RATE.values(), strict=True)
         }
-        if self.reactions is not None:
-            names, force_units, forces = self.reactions
-            values["reaction"] = Values(names, force_units, filled(forces))
-        seconds = {"integration": self.cost.wall_s, "integration, processor time": self.cost.cpu_s}
+        if reactions is not None:
+            values["reaction"] = replace(reactions, array=filled(reactions.array))
+        seconds = {"integration": cost.wall_s, "integration, processor time": cost.cpu_s}
         covers = "one integration from start to end, without loading and output"
         return Solution(
             engine=engine,
             version=version,
             setting=setting,
             values=values,
-            condition=filled(read.condition),
+            condition=filled(self.condition),
             timings=tuple(
                 Timing(engine, setting, stage, m, s, s, covers) for stage, s in seconds.items() if np.isfinite(s)
             ),
-            notes=self.notes,
             rows=None if m == n else np.arange(m),
-            work=filled(self.work),
-            stopped=self.stopped,
-            cost=self.cost,
+            work=filled(work),
+            stopped=stopped,
+            cost=cost,
         )

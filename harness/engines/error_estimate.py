@@ -129,12 +129,14 @@ class SolvedPart:
         values: Quantity -> values. Shape (n, m).
         doubtful: Samples that were solved again.
         moved: Quantity -> change of the components at these samples. Shape (n_doubtful, m).
+        q: All joint coordinates [rad or m]. Shape (n, n_q).
     """
 
     values: dict[str, Array]
     trust: Trust
     doubtful: Rows
     moved: Mapping[str, Array]
+    q: Array | None = None
 
 
 def perturbations(A: Array, k: int) -> list[Array]:

@@ -7,7 +7,6 @@ work.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib.metadata import version
 
 import exudyn as exu
@@ -29,14 +28,11 @@ def load(files: kit.ModelFiles, integrator: str = "", dt: float = 0.0) -> Exudyn
     return ExudynModel(kit.load_mechanism(files.model), str(files.model), integrator, dt)
 
 
-@dataclass(frozen=True)
 class ExudynModel:
     """A loaded description. Each problem builds its own EXUDYN system from this description."""
 
-    mechanism: kit.Mechanism
-    where: str
-    integrator: str = ""
-    dt: float = 0.0
+    def __init__(self, mechanism: kit.Mechanism, where: str, integrator: str = "", dt: float = 0.0) -> None:
+        self.mechanism, self.where, self.integrator, self.dt = mechanism, where, integrator, dt
 
     def solve(self, problem: kit.Problem, progress: kit.Progress = kit.quiet) -> kit.Solution:
         """Solve a given motion or a simulation."""

@@ -60,7 +60,7 @@ class Lagrange:
                     values[name] = QUANTITIES[name](at)
             return values, at.conditions
 
-        def solve_part(motion: kit.GivenMotion, applied: kit.Applied) -> kit.Answered:
+        def solve_part(motion: kit.GivenMotion, applied: kit.Applied) -> kit.SolvedPart:
             return branch.answered(motion, applied, solve, clock)
 
         labels = "lagrange", version("screwgauge"), f"rule {problem.rule}"

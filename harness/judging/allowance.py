@@ -35,29 +35,38 @@ Integrated = Mapping[str, Mapping[str, Array]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Left:
-    """Integration error in the difference between two motions, in one quantity and unit.
+class Granted:
+    """Accepted scaled difference between two solutions in one quantity and unit.
 
     Attributes:
+        usual: Limit at any sample.
+        limits: Limit at each sample given its condition number, without integration error. Shape (n,).
+        doubts: Limit up to which a difference above `limits` is undecided: the engines' own error estimates. (n,).
+        why: Why `usual` exceeds the tolerance of the scene; empty if due to soft constraints.
         scale: Scale of the errors.
-        errors: Engine -> its estimated error, scaled. Shape (n,).
+        integration: Engine -> its estimated integration error, scaled. Shape (n,).
         binding: Whether the scene states the allowed difference, regardless of integration error.
     """
 
+    usual: float
+    limits: Array
+    doubts: Array
+    why: str
     scale: float
-    errors: Mapping[str, Array] = field(default_factory=dict)
-    binding: bool = False
+    integration: Mapping[str, Array]
+    binding: bool
 
-    def admitted(self, n: int) -> Array:
+    @property
+    def admitted(self) -> Array:
         """Return the extra scaled error allowed on top of the scene's tolerance. Shape (n,)."""
-        if self.binding or not self.errors:
-            return np.zeros(n)
-        whole = np.sum([np.nan_to_num(error) for error in self.errors.values()], axis=0)
+        if self.binding or not self.integration:
+            return np.zeros(len(self.limits))
+        whole = np.sum([np.nan_to_num(error) for error in self.integration.values()], axis=0)
         return np.asarray(np.minimum(whole, MOST))
 
     def reason(self, size: float, row: int, *, ok: bool, usual: float) -> str:
         """Describe which part of a scaled difference at a sample is integration error; "" without an estimate."""
-        sizes = {engine: float(error[row]) for engine, error in self.errors.items() if np.isfinite(error[row])}
+        sizes = {engine: float(error[row]) for engine, error in self.integration.items() if np.isfinite(error[row])}
         if not sizes or (ok and size <= usual):
             return ""
         shares = " and ".join(f"{error:.1g} by {engine}" for engine, error in sizes.items())
@@ -68,25 +77,6 @@ class Left:
             return f"integration explains at most {shares}; at least {size - whole:.2g} remains"
         why = "the scene sets the tolerance" if self.binding else f"at most {MOST:g} is attributed to integration"
         return f"{WITHIN} that the engines state: at most {shares}; {why}"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Granted:
-    """Accepted scaled difference between two solutions in one quantity and unit.
-
-    Attributes:
-        usual: Limit at any sample.
-        limits: Limit at each sample given its condition number, without integration error. Shape (n,).
-        doubts: Limit up to which a difference above `limits` is undecided: the engines' own error estimates. (n,).
-        why: Why `usual` exceeds the tolerance of the scene; empty if due to soft constraints.
-        left: Integration error.
-    """
-
-    usual: float
-    limits: Array
-    doubts: Array
-    why: str
-    left: Left
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,15 +137,12 @@ class Allowance:
         limits = np.maximum(limit, np.where(known & (tolerance <= usual), explained, 0.0))
         doubts = np.where(known, 0.0, np.sum([np.nan_to_num(each, posinf=np.inf) for each in scaled], axis=0))
         doubts = np.maximum(doubts, 0.0 if decided else zero / scale)
-        return Granted(limit, limits, doubts, why, self._left(quantity, unit, pair, scale))
+        found = {one.engine: self.integration.get(one.engine, {}).get(quantity, {}).get(unit) for one in pair}
+        grown = {engine: error / scale for engine, error in found.items() if error is not None}
+        return Granted(limit, limits, doubts, why, scale, grown, quantity in self.binding)
 
     def _is_zero(self, absolute: float, scale: float, kind: NumberType, unit: str, natural: float) -> bool:
         """Return True if an absolute error is rounding at the machine's own size."""
         if kind is not FLOAT64 and absolute < DIGIT * scale:  # it has a digit
             return False
         return absolute <= kind.zero * max(natural, self.summands().get(unit, 0.0))
-
-    def _left(self, quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float) -> Left:
-        found = {one.engine: self.integration.get(one.engine, {}).get(quantity, {}).get(unit) for one in pair}
-        errors = {engine: error / scale for engine, error in found.items() if error is not None}
-        return Left(scale, errors, quantity in self.binding)

@@ -145,8 +145,7 @@ def _components(
     names = [first.components[k] for k in chosen]
     difference = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
     known = np.isfinite(difference)  # NaN counts as worse than any number
-    grown, limits = granted.left, granted.limits
-    scale, admitted = grown.scale, grown.admitted(len(t))[some]
+    scale, limits, admitted = granted.scale, granted.limits, granted.admitted[some]
     scaled, most = difference / scale, (limits[some] + admitted)[:, None]
     beyond = np.where(known, scaled - most, np.inf)
     open_at = known & (beyond > 0.0) & (scaled <= granted.doubts[some][:, None])
@@ -170,7 +169,7 @@ def _components(
             b=b.engine,
             error=worst / scale,
             tolerance=tolerance,
-            reason=grown.reason(worst / scale, int(rows[i]), ok=ok, usual=limit),
+            reason=granted.reason(worst / scale, int(rows[i]), ok=ok, usual=limit),
             ok=ok,
             undecided=0 if ok or lost[:, k].any() else undecided,
             component=component,

@@ -153,67 +153,63 @@ Moments = Callable[[], Iterator[tuple[Answer, AdmissibleMotion]]]
 """Parts of an answer with positions, velocities and accelerations, and the admitted motions."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MeasuredForces:
-    """Forces of `Mechanism.left_out` along a motion, computed in parts to limit memory use.
+MeasuredParts = Iterator[MeasuredPart]
+"""Parts of the measured forces along a motion."""
 
-    Attributes:
+
+def measured_parts(moments: Moments, left_out: Sequence[LeftOut], springs: Sequence[Spring] = ()) -> MeasuredParts:
+    """Measure forces of `Mechanism.left_out` along a motion, in parts to limit memory.
+
+    Args:
         springs: Springs of the scene; forces of springs along a joint are included, and thus not omitted.
     """
+    along_joints = [spring for spring in springs if isinstance(spring, JointSpring)]
+    for answer, admissible in moments():
+        needed, names = Needed(), dict[str, list[str]]()
+        for one in left_out:
+            for kind, wrenches in _needed(answer, one, along_joints):
+                needed[kind] = needed[kind] + wrenches if kind in needed else wrenches
+                names.setdefault(kind, []).append(one.of)
+        yield MeasuredPart(answer, admissible, needed, names)
 
-    moments: Moments
-    left_out: Sequence[LeftOut]
-    springs: Sequence[Spring] = ()
 
-    def parts(self) -> Iterator[MeasuredPart]:
-        """Iterate over the parts of `moments`."""
-        along_joints = [spring for spring in self.springs if isinstance(spring, JointSpring)]
-        for answer, admissible in self.moments():
-            needed, names = Needed(), dict[str, list[str]]()
-            for one in self.left_out:
-                for kind, wrenches in _needed(answer, one, along_joints):
-                    needed[kind] = needed[kind] + wrenches if kind in needed else wrenches
-                    names.setdefault(kind, []).append(one.of)
-            yield MeasuredPart(answer, admissible, needed, names)
+def left_out_terms(parts: MeasuredParts, file: str = "") -> Iterator[LeftOutTerm]:
+    """Yield the largest force of each kind of omitted term, in the unit in which its share is largest."""
+    times, whole, drives = list[Array](), list[tuple[Array, Array]](), True
+    forces, named = dict[str, list[tuple[Array, Array]]](), dict[str, Sequence[str]]()
+    for part in parts:
+        mechanism, named = part.answer.mechanism, dict(part.names)
+        freedoms = len(mechanism.independent)
+        drives = drives and bool(freedoms) and int(np.linalg.matrix_rank(part.driven).min()) == freedoms
+        times.append(part.answer.t)
+        for kind, wrenches in part.needed.items():
+            forces.setdefault(kind, []).append((part.actuators(wrenches), part.generalized(wrenches)))
+        rigid = required_wrenches(part.answer)[0] + sum(part.needed.values())
+        whole.append((part.actuators(rigid), part.generalized(rigid)))
+    if not forces:
+        return
+    names, units = mechanism.actuator_names, mechanism.actuator_units
+    if not drives:
+        names = tuple(mechanism.independent)
+        units = tuple(FORCE[mechanism.units[column]] for column in mechanism.independent_columns)
+    t, of = np.concatenate(times), np.abs(np.concatenate([pair[not drives] for pair in whole])).max(axis=0)
+    largest = np.array([max(size for size, has in zip(of, units, strict=True) if has == unit) for unit in units])
+    for kind, pairs in forces.items():
+        force = np.abs(np.concatenate([pair[not drives] for pair in pairs]))
+        share = force / np.maximum(largest, np.finfo(float).tiny)
+        i, k = divmod(int(share.argmax()), len(units))
+        size = float(force[i, k]) if share[i, k] > NOTHING else 0.0
+        owners = tuple(dict.fromkeys(named[kind]))
+        yield LeftOutTerm(kind, owners, size, float(largest[k]), units[k], names[k], float(t[i]), file)
 
-    def terms(self, file: str = "") -> Iterator[LeftOutTerm]:
-        """Yield the largest force of each kind of omitted term, in the unit in which its share is largest."""
-        if not self.left_out:
-            return
-        times, whole, drives = list[Array](), list[tuple[Array, Array]](), True
-        forces, named = dict[str, list[tuple[Array, Array]]](), dict[str, Sequence[str]]()
-        for part in self.parts():
-            mechanism, named = part.answer.mechanism, dict(part.names)
-            freedoms = len(mechanism.independent)
-            drives = drives and bool(freedoms) and int(np.linalg.matrix_rank(part.driven).min()) == freedoms
-            times.append(part.answer.t)
-            for kind, wrenches in part.needed.items():
-                forces.setdefault(kind, []).append((part.actuators(wrenches), part.generalized(wrenches)))
-            rigid = required_wrenches(part.answer)[0] + sum(part.needed.values())
-            whole.append((part.actuators(rigid), part.generalized(rigid)))
-        if not forces:
-            return
-        names, units = mechanism.actuator_names, mechanism.actuator_units
-        if not drives:
-            names = tuple(mechanism.independent)
-            units = tuple(FORCE[mechanism.units[column]] for column in mechanism.independent_columns)
-        t, of = np.concatenate(times), np.abs(np.concatenate([pair[not drives] for pair in whole])).max(axis=0)
-        largest = np.array([max(size for size, has in zip(of, units, strict=True) if has == unit) for unit in units])
-        for kind, pairs in forces.items():
-            force = np.abs(np.concatenate([pair[not drives] for pair in pairs]))
-            share = force / np.maximum(largest, np.finfo(float).tiny)
-            i, k = divmod(int(share.argmax()), len(units))
-            size = float(force[i, k]) if share[i, k] > NOTHING else 0.0
-            owners = tuple(dict.fromkeys(named[kind]))
-            yield LeftOutTerm(kind, owners, size, float(largest[k]), units[k], names[k], float(t[i]), file)
 
-    def added(self, quantity: str, names: Sequence[str]) -> dict[str, Array]:
-        """Return kind -> effect on components of a quantity. Shape (n, m)."""
-        by_kind: dict[str, list[Array]] = {}
-        for part in self.parts():
-            for kind in part.needed:
-                by_kind.setdefault(kind, []).append(part.added(kind, quantity, names))
-        return {kind: np.concatenate(arrays) for kind, arrays in by_kind.items()}
+def added_forces(parts: MeasuredParts, quantity: str, names: Sequence[str]) -> dict[str, Array]:
+    """Return kind -> effect on components of a quantity. Shape (n, m)."""
+    by_kind: dict[str, list[Array]] = {}
+    for part in parts:
+        for kind in part.needed:
+            by_kind.setdefault(kind, []).append(part.added(kind, quantity, names))
+    return {kind: np.concatenate(arrays) for kind, arrays in by_kind.items()}
 
 
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:

@@ -7,7 +7,7 @@ forces.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
@@ -17,7 +17,7 @@ import numpy as np
 from screwgauge.judging.answer import Answer
 from screwgauge.judging.assembly_modes import assembly_of
 from screwgauge.judging.judge import answer_in_motion
-from screwgauge.judging.left_out import LeftOutTerm, MeasuredForces
+from screwgauge.judging.left_out import LeftOutTerm, MeasuredParts, added_forces, left_out_terms, measured_parts
 from screwgauge.problem import Problem, Rows
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import ScrewgaugeError
@@ -72,9 +72,9 @@ def without_left_out(
         return every, LeftOutForces()
     rows = np.arange(len(scene.t)) if base.rows is None else base.rows
     moments = partial(_moments, scene, problem, base, rows)
-    of_scene = MeasuredForces(moments, scene.mechanism.left_out, scene.applied.springs)
+    of_scene = partial(measured_parts, moments, scene.mechanism.left_out, scene.applied.springs)
     # an engine applies springs of the scene in addition to those of its file
-    forces = {name: MeasuredForces(moments, entries) for name, entries in own.items()}
+    forces = {name: partial(measured_parts, moments, entries) for name, entries in own.items()}
     rigid, contained = (
         _forces_of(one for name, one in solved.items() if name not in own),
         dict[str, tuple[str, ...]](),
@@ -82,10 +82,11 @@ def without_left_out(
     for name in (*(name for name in answers if name in scene.tables), *own):
         every[name], kinds = _take_off(every[name], rigid, forces.get(name, of_scene), rows)
         contained |= {name: kinds} if kinds else {}
-    terms = [*of_scene.terms()]
+    terms = [*left_out_terms(of_scene())] if scene.mechanism.left_out else []
     for name, entries in own.items():
         known = {(term.kind, term.names) for term in terms}  # terms of the file from which the description was made
-        more = MeasuredForces(moments, entries, scene.applied.springs).terms(scene.models[name].name)
+        parts = measured_parts(moments, entries, scene.applied.springs)
+        more = left_out_terms(parts, scene.models[name].name)
         terms += [term for term in more if (term.kind, term.names) not in known]
     return every, LeftOutForces(tuple(terms), contained)
 
@@ -125,7 +126,7 @@ def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iter
 
 
 def _take_off(
-    answer: Solution, rigid: Mapping[str, Values], forces: MeasuredForces, rows: Rows
+    answer: Solution, rigid: Mapping[str, Values], forces: Callable[[], MeasuredParts], rows: Rows
 ) -> tuple[Solution, tuple[str, ...]]:
     """Subtract from an answer the kinds of force whose subtraction brings it closest to the rigid machine."""
     values, contained = dict(answer.values), list[str]()
@@ -142,7 +143,7 @@ def _take_off(
 
 
 def _nearest(
-    values: Values, rigid: Values, quantity: str, forces: MeasuredForces, rows: Rows
+    values: Values, rigid: Values, quantity: str, forces: Callable[[], MeasuredParts], rows: Rows
 ) -> tuple[Values, tuple[str, ...]]:
     """Subtract kinds of force from values; none if no choice leaves less than the fraction `LEFT` of the difference."""
     names = tuple(name for name in values.components if name in rigid.components)
@@ -151,7 +152,7 @@ def _nearest(
     seen = np.isfinite(apart).all(axis=1)
     if not seen.any() or not apart[seen].any():
         return values, ()
-    added = forces.added(quantity, names)
+    added = added_forces(forces(), quantity, names)
     best: tuple[str, ...] = ()
     least = LEFT * float(np.abs(apart[seen]).max())
     for kinds in _choices([kind for kind, some in added.items() if some[seen].any()]):

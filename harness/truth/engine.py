@@ -7,7 +7,7 @@ does not affect the result, because positions are certified independently.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -50,12 +50,11 @@ def load(files: ModelFiles) -> TruthModel:
     return TruthModel(files.model, load_mechanism(files.model))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class TruthModel:
     """A description whose numbers are read exactly."""
 
-    file: Path
-    mechanism: Mechanism
+    def __init__(self, file: Path, mechanism: Mechanism) -> None:
+        self.file, self.mechanism = file, mechanism
 
     @property
     def independent(self) -> tuple[str, ...]:

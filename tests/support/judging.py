@@ -13,7 +13,7 @@ from screwgauge.judging.assembly_modes import in_one_chart
 from screwgauge.judging.compare import compare
 from screwgauge.judging.coverage import NOTHING, coverage
 from screwgauge.judging.judge import admitted_motion, judge
-from screwgauge.judging.left_out import MeasuredForces
+from screwgauge.judging.left_out import measured_parts
 from screwgauge.judging.trust import flag_samples
 from screwgauge.quantities import GIVEN
 from screwgauge.solution import Solution

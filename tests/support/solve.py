@@ -10,7 +10,7 @@ from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.screw.integrate import Trajectory
 from screwgauge.engines.screw.integrate import integrate as integrate_task
 from screwgauge.engines.screw.inverse import Work, solve_motion
-from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
+from screwgauge.engines.screw.model import LONG, ScrewModel
 from screwgauge.engines.screw.programs import check_traceable
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import InitialValue, Integration

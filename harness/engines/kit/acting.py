@@ -1,13 +1,12 @@
 """Applied forces except gravity: loads, springs, dampers, motors, and rotors, damping and friction of joints.
 
-`exert_along` and `exert_on_bodies` compute them for many samples or for one state. `acting` converts them to wrenches
-on bodies and forces along joint coordinates; tree engines use their own conversion.
+`forces_at_joints` and `wrenches_on_bodies` compute them for many samples or for one state. `acting` sums them to
+wrenches on bodies and forces along joint coordinates; tree engines use their own conversion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -28,71 +27,52 @@ LoadPoint = Callable[[Load], Array]
 """Point of its body at which a load acts [m]. Shape (3,)."""
 
 
-@dataclass(slots=True, eq=False)
-class ActingForces:
-    """Collected applied forces other than gravity.
-
-    Attributes:
-        wrenches: Body, force, and moment about its origin. Shape (..., 3) each.
-        along: Coordinate and the force along it [N or N m]. Shape (...).
-        power: Input power of motors, loads and dampers, excluding stored energy [W]. Shape (...).
-    """
-
-    wrenches: list[tuple[int, Array, Array]] = field(default_factory=list)
-    along: list[tuple[str, Array]] = field(default_factory=list)
-    power: Array | float = 0.0
-
-
-def exert_along(
-    out: ActingForces, applied: Applied, resist: Sequence[Resistance], t: Array | float, read: Coordinate
-) -> None:
-    """Add forces of motors, springs and dampers at joints, and of resisting joints.
+def forces_at_joints(
+    applied: Applied, resist: Sequence[Resistance], t: Array | float, read: Coordinate
+) -> Iterator[tuple[str, Array, Array]]:
+    """Yield forces of motors, of springs and dampers at joints, and of resisting joints.
 
     Args:
         t: Times [s]. Shape (...).
         resist: Damping and dry friction; the engine itself includes rotors.
+
+    Yields:
+        Coordinate, force along it [N or N m], and input power, excluding stored energy [W]. Shape (...) each.
     """
     for motor in applied.motors:
         force = motor.force(t)
-        out.along.append((motor.coordinate, force))
-        out.power = out.power + force * read(motor.coordinate)[1]
+        yield motor.coordinate, force, np.asarray(force * read(motor.coordinate)[1])
     for one in resist:
         moved = np.asarray(read(one.coordinate)[1])
         resisted = taken(one, moved)
-        out.along.append((one.coordinate, -resisted))
-        out.power = out.power - resisted * moved
+        yield one.coordinate, -resisted, -resisted * moved
     for spring in applied.springs:
         if isinstance(spring, JointSpring):
             value, rate = read(spring.coordinate)
-            out.along.append((spring.coordinate, -spring.pull(value, rate)))
-            out.power = out.power - spring.damping * rate**2
+            yield spring.coordinate, -spring.pull(value, rate), np.asarray(-spring.damping * rate**2)
 
 
-def exert_on_bodies(
-    out: ActingForces,
-    applied: Applied,
-    index: Mapping[str, int],
-    load_point: LoadPoint,
-    t: Array | float,
-    body: BodyMotion,
-) -> None:
-    """Add forces of loads, and of springs and dampers between points of bodies.
+def wrenches_on_bodies(
+    applied: Applied, index: Mapping[str, int], load_point: LoadPoint, t: Array | float, body: BodyMotion
+) -> Iterator[tuple[int, Array, Array, Array]]:
+    """Yield wrenches of loads, and of springs and dampers between points of bodies.
 
     Args:
         index: Body -> its index, 0 for ground.
         t: Times [s]. Shape (...).
+
+    Yields:
+        Body, force, and moment about its origin, shape (..., 3) each; input power, excluding stored energy [W], (...).
     """
     for load in applied.loads:
         i, now = index[load.body], load.at(t)
         R, _, V = body(i)
         force, torque = (times(R, x) if load.axes == "body" else x for x in (now.force, now.torque))
         moment = torque + cross(times(R, load_point(load)), force)
-        out.wrenches.append((i, force, moment))
-        out.power = out.power + _dot(force, V[..., 3:]) + _dot(moment, V[..., :3])
+        yield i, force, moment, _dot(force, V[..., 3:]) + _dot(moment, V[..., :3])
     for spring in applied.springs:
         if isinstance(spring, PointSpring):
-            rate = _pull(spring, t, [(index[name], *body(index[name]), point) for name, point in spring.ends], out)
-            out.power = out.power - spring.damping * rate * rate
+            yield from _pull(spring, t, [(index[name], *body(index[name]), point) for name, point in spring.ends])
 
 
 def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
@@ -103,9 +83,9 @@ def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Ar
 
 
 def _pull(
-    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: ActingForces
-) -> Array:
-    """Add the tension of a point spring; return the rate of its length."""
+    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]]
+) -> Iterator[tuple[int, Array, Array, Array]]:
+    """Yield the tension of a point spring on both bodies, see `wrenches_on_bodies`."""
     arms = [times(R, point) for _, R, _, _, point in ends]
     first, second = (p + arm for (_, _, p, _, _), arm in zip(ends, arms, strict=True))
     u, v = (V[..., 3:] + cross(V[..., :3], arm) for (_, _, _, V, _), arm in zip(ends, arms, strict=True))
@@ -115,9 +95,9 @@ def _pull(
     line = (second - first) / length[..., None]
     rate = _dot(line, v - u)
     force = spring.pull(length, rate)[..., None] * line
-    for (i, *_), arm, pull in zip(ends, arms, (force, -force), strict=True):
-        out.wrenches.append((i, pull, cross(arm, pull)))
-    return rate
+    power = -spring.damping * rate * rate
+    for (i, *_), arm, pull, input_power in zip(ends, arms, (force, -force), (power, 0.0 * power), strict=True):
+        yield i, pull, cross(arm, pull), input_power
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -139,10 +119,10 @@ def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[
     Raises:
         SingularPoseError: The two ends of a spring coincide.
     """
-    mechanism, found, wrenches = joints.mechanism, ActingForces(), np.zeros_like(V)
-    point = partial(load_point, mechanism)
-    exert_on_bodies(found, applied, mechanism.body_index, point, t, lambda i: (joints.R[:, i], joints.p[:, i], V[:, i]))
-    for i, force, moment in found.wrenches:
+    mechanism, wrenches = joints.mechanism, np.zeros_like(V)
+    point, index = partial(load_point, mechanism), mechanism.body_index
+    exerted = wrenches_on_bodies(applied, index, point, t, lambda i: (joints.R[:, i], joints.p[:, i], V[:, i]))
+    for i, force, moment, _ in exerted:
         wrenches[:, i, :3] += force
         wrenches[:, i, 3:] += moment
     return wrenches, along_joints(applied, t, joints, V)
@@ -150,12 +130,12 @@ def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[
 
 def along_joints(applied: Applied, t: Array, joints: JointReading, V: Array) -> Array:
     """Return forces of motors, springs, dampers and friction along joints [N or N m], see `acting`. (n, n_q)."""
-    mechanism, q, qd, found = joints.mechanism, joints.q, joints.rates(V), ActingForces()
+    mechanism, q, qd = joints.mechanism, joints.q, joints.rates(V)
     column, out = {name: i for i, name in enumerate(mechanism.coordinates)}, np.zeros_like(q)
     losses = resistances(mechanism.joints, LOSSES)
-    exert_along(found, applied, losses, t, lambda name: (q[:, column[name]], qd[:, column[name]]))
-    for name, amount in found.along:
-        out[:, column[name]] += amount
+    exerted = forces_at_joints(applied, losses, t, lambda name: (q[:, column[name]], qd[:, column[name]]))
+    for name, force, _ in exerted:
+        out[:, column[name]] += force
     return out
 
 

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.error_estimate import SolvedPart, error_of
+from screwgauge.engines.chunks import assemble
+from screwgauge.engines.error_estimate import SolvedPart
 from screwgauge.engines.kit.acting import resistance
-from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion
+from screwgauge.engines.kit.closing import Accelerated, ClosedMotion
 from screwgauge.engines.kit.poses import com_accelerations
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
 from screwgauge.quantities import described, length
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Clock, Solution, Values
+from screwgauge.solution import Clock, Solution
 
 #: Number of samples processed at a time.
 PART = 256
@@ -35,23 +36,6 @@ def temporary(owner: Any, **values: Any) -> Iterator[None]:
     finally:
         for name, value in before.items():
             setattr(owner, name, value)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Answered:
-    """An engine's values at some samples, with data for the error estimate.
-
-    Attributes:
-        values: Quantity -> its components in the order of `names`; unrequested ones are dropped later. Shape (n, m).
-        q: All joint coordinates [rad or m]. Shape (n, n_q).
-        condition: Condition number of the closed loops. Shape (n,).
-        part: The requested values with their error data; None without error data.
-    """
-
-    values: Mapping[str, Array]
-    q: Array
-    condition: Array
-    part: SolvedPart | None = None
 
 
 def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelerated | None = None) -> dict[str, Array]:
@@ -72,15 +56,16 @@ def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelera
     return {name: value() for name, value in known.items() if name in wanted}
 
 
-def force_values(closed: ClosedMotion, moved: Accelerated, balanced: Balanced, along: Array) -> dict[str, Array]:
-    """Return generalised forces, actuator forces and axis moments.
+def force_values(closed: ClosedMotion, moved: Accelerated, Q: Array, f: Array, along: Array) -> dict[str, Array]:
+    """Return the quantities of forces except reactions.
 
     Args:
+        Q, f: Generalised forces, and actuator forces. Shapes (n, k), (n, n_actuator).
         along: Forces of motors, springs and losses along the joint coordinates, see `along_joints`. Shape (n, n_q).
     """
     moments = along - closed.mechanism.rotors * moved.q
-    moments[:, closed.mechanism.actuated_columns] += balanced.actuator
-    return {"generalized_force": balanced.generalized, "actuator_force": balanced.actuator, "axis_moment": moments}
+    moments[:, closed.mechanism.actuated_columns] += f
+    return {"generalized_force": Q, "actuator_force": f, "axis_moment": moments}
 
 
 def inertia_values(closed: ClosedMotion, M: Array) -> dict[str, Array]:
@@ -102,7 +87,7 @@ def answer(
     labels: tuple[str, str, str],
     mechanism: Mechanism,
     problem: Problem,
-    solve_part: Callable[[GivenMotion, Applied], Answered],
+    solve_part: Callable[[GivenMotion, Applied], SolvedPart],
     progress: Progress = quiet,
     clock: Clock | None = None,
 ) -> Solution:
@@ -110,27 +95,16 @@ def answer(
 
     Args:
         labels: Name and version of the engine, and a description of its method and settings.
-        solve_part: Solves the parts of the motion in order, given the applied forces at their samples.
+        solve_part: Solves the parts of the motion in order for the requested quantities, given the applied forces at
+            the samples of the part.
         clock: Measures the engine's stages.
     """
-    n, parts = len(problem.task), list[Answered]()
-    for first in range(0, n, PART):
-        parts.append(solve_part(*_part(problem, slice(first, first + PART))))
-        progress(min(1.0, (first + PART) / n))
-    table, (engine, version, setting) = described(mechanism, problem.points), labels
-    wanted = [name for name in parts[0].values if name in problem.wanted]
-    values = {name: Values(*table[name], np.concatenate([part.values[name] for part in parts])) for name in wanted}
-    known, (L, M) = [one.part for one in parts if one.part is not None], (length(mechanism), mechanism.mass)
-    return Solution(
-        engine,
-        version,
-        values,
-        np.concatenate([part.condition for part in parts]),
-        errors={name: error_of(name, known, has, L, M) for name, has in values.items()} if known else {},
-        timings=() if clock is None else clock.timings(engine, setting, n),
-        assembly=np.concatenate([part.q for part in parts]),
-        setting=setting,
-    )
+
+    def part(rows: slice) -> SolvedPart:
+        return solve_part(*_part(problem, rows))
+
+    n, size, clock = len(problem.task), (length(mechanism), mechanism.mass), clock or Clock()
+    return assemble(labels, n, part, lambda: described(mechanism, problem.points), clock, progress, size, PART)
 
 
 def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:

@@ -7,12 +7,13 @@ verifiably lie on the same branch. No code is shared with the continuation of `s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.engines.error_estimate import Trust, examine_part
-from screwgauge.engines.kit.answers import Answered, at_samples
+from screwgauge.engines.error_estimate import SolvedPart, Trust, examine_part
+from screwgauge.engines.kit.answers import at_samples
 from screwgauge.problem import GivenMotion, Rows
 from screwgauge.quantities import described, length
 from screwgauge.reference.applied import Applied
@@ -88,7 +89,7 @@ class Branch:
             inverse, condition = inverted(A)
         return inverse * self._sizes[:, None] / self._units, condition, missed
 
-    def answered(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> Answered:
+    def answered(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> SolvedPart:
         """Solve the next samples, with error estimates.
 
         Estimates follow from the condition of the solved systems. Ill-conditioned samples are solved again with poses
@@ -109,7 +110,7 @@ class Branch:
 
         k = motion.y.shape[1]
         part = examine_part(values, trust, A, k, again, clock, self._component_units, self._length)
-        return Answered(part.values, q, condition, part)
+        return replace(part, q=q)
 
     def _matrix(self, q: Array, y: Array) -> tuple[Array, Array]:
         """Return the dimensionless closing system, and residuals of gaps and y."""

@@ -60,24 +60,6 @@ class Accelerated:
     q: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Balanced:
-    """Forces that balance a motion.
-
-    Attributes:
-        generalized: Forces along the independent coordinates [N or N m]. Shape (n, k).
-        actuator: Actuator forces [N or N m]. Shape (n, n_actuator).
-        gaps, couplings: Multipliers of gaps and couplings. Shapes (n, m), (n, n_coupling).
-        condition: Condition number of the equations of the actuators. Shape (n,).
-    """
-
-    generalized: Array
-    actuator: Array
-    gaps: Array
-    couplings: Array
-    condition: Array
-
-
 @dataclass(frozen=True, eq=False)
 class ClosedMotion:
     """Samples of a given motion with closed loops.
@@ -174,27 +156,42 @@ class ClosedMotion:
         A = rest + self._moved(xdd)
         return Accelerated(xdd, A, self.joints.accelerations(self.V, A))
 
-    def balanced(self, need: Array, line: Array | None = None) -> Balanced:
-        """Solve for forces of actuators and constraints that supply given forces along x.
+    def generalized_forces(self, need: Array) -> Array:
+        """Return the forces along the independent coordinates that supply forces along x. Shape (n, n_x) -> (n, k)."""
+        return np.asarray((self.K.swapaxes(1, 2) @ need[..., None])[..., 0])
+
+    def actuator_forces(self, need: Array, line: Array | None = None) -> tuple[Array, Array]:
+        """Solve for actuator forces that, with those of the constraints, supply given forces along x.
 
         Args:
             need: Forces to be supplied: inertia minus all applied forces. Shape (n, n_x).
             line: For the rule ``spherical_axial``: the joint's force per unit multiplier of the gaps, in two
                 directions across its line. Shape (n, 2, m). By default actuator forces have minimum norm.
+
+        Returns:
+            Actuator forces, shape (n, n_actuator), and the condition number of their equations, (n,).
         """
-        m, s, n_x = self.at.gaps.shape[1], len(self.tracked), self.x.shape[1]
-        drive = self.J[:, self.mechanism.actuated_columns]
-        Q = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0]
         if line is None:
-            f, condition = min_norm(drive @ self.K, Q, self.task.idle)
-        else:
-            wide = ((0, 0), (0, 0), (0, s))
-            across = np.pad(line, ((0, 0), (0, 0), (0, self.A.shape[1] - m)))
-            f, condition = along_line(np.pad(drive, wide), self.A, np.pad(need, wide[1:]), across)
-        rest = need - (f[:, None] @ drive)[:, 0]
+            return min_norm(self._drive @ self.K, self.generalized_forces(need), self.task.idle)
+        wide = ((0, 0), (0, 0), (0, len(self.tracked)))
+        across = np.pad(line, ((0, 0), (0, 0), (0, self.A.shape[1] - self.at.gaps.shape[1])))
+        return along_line(np.pad(self._drive, wide), self.A, np.pad(need, wide[1:]), across)
+
+    def multipliers(self, need: Array, f: Array) -> tuple[Array, Array]:
+        """Return the multipliers of gaps, (n, m), and of couplings, (n, n_coupling), for the rest of the forces.
+
+        Args:
+            need, f: See `actuator_forces`.
+        """
+        m, s, rest = self.at.gaps.shape[1], len(self.tracked), need - (f[:, None] @ self._drive)[:, 0]
         # the force that actuators do not supply does no work on motions of y, so the rows of y get none of it
-        forces = (rest[:, None] @ self.inverse[:, :n_x])[:, 0]
-        return Balanced(Q, f, forces[:, :m], forces[:, m + s : -self.task.y.shape[1]], condition)
+        forces = (rest[:, None] @ self.inverse[:, : self.x.shape[1]])[:, 0]
+        return forces[:, :m], forces[:, m + s : -self.task.y.shape[1]]
+
+    @property
+    def _drive(self) -> Array:
+        """Rates of the actuated coordinates per rate of x. Shape (n, n_actuator, n_x)."""
+        return self.J[:, self.mechanism.actuated_columns]
 
 
 def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:

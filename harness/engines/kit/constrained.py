@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
-from screwgauge.engines.error_estimate import ACCELERATED, Trust, examine_part, worst_of
+from screwgauge.engines.error_estimate import ACCELERATED, SolvedPart, Trust, examine_part, worst_of
 from screwgauge.engines.kit.acting import along_joints
 from screwgauge.engines.kit.answers import (
-    Answered,
     answer,
     at_samples,
     force_values,
@@ -93,22 +92,17 @@ def solve_constrained(
     """
     clock = Clock()
     check_statement(engine, problem)
-    closing = Closing(engine.mechanism, engine.place, engine.home, engine.units, engine.gap_units)
-    return answer(
-        labels, engine.mechanism, problem, _PartSolver(engine, problem, closing, clock).solve, progress, clock
-    )
+    return answer(labels, engine.mechanism, problem, _PartSolver(engine, problem, clock).solve, progress, clock)
 
 
-@dataclass(frozen=True, slots=True)
 class _PartSolver:
     """Solver of the parts of a problem, for its requested quantities only."""
 
-    engine: Constrained
-    problem: Problem
-    closing: Closing
-    clock: Clock
+    def __init__(self, engine: Constrained, problem: Problem, clock: Clock) -> None:
+        self.engine, self.problem, self.clock = engine, problem, clock
+        self.closing = Closing(engine.mechanism, engine.place, engine.home, engine.units, engine.gap_units)
 
-    def solve(self, motion: GivenMotion, applied: Applied) -> Answered:
+    def solve(self, motion: GivenMotion, applied: Applied) -> SolvedPart:
         mechanism = self.engine.mechanism
         with self.clock.stage("positions"):
             closed = self.closing.follow(motion)
@@ -120,7 +114,7 @@ class _PartSolver:
         table, k = described(mechanism, self.problem.points), motion.y.shape[1]
         units = {name: units for name, (_, units) in table.items()}
         part = examine_part(values, trust, closed.system, k, again, self.clock, units, length(mechanism))
-        return Answered(part.values, closed.q, closed.condition, part)
+        return replace(part, q=closed.q)
 
     def _evaluate(self, closed: ClosedMotion, applied: Applied) -> tuple[dict[str, Array], Trust]:
         """Compute the requested quantities at closed poses, with their error data."""
@@ -200,13 +194,14 @@ class _PartSolver:
         with self.clock.stage("forces"):
             along = along_joints(problem.applied, closed.task.t, closed.joints, closed.V)
             need = need - self._project(closed, along - mechanism.rotors * moved.q)
-            balanced = closed.balanced(need, axial_line(mechanism, at, rows) if ruled else None)
-            values = force_values(closed, moved, balanced, along)
+            f, condition = closed.actuator_forces(need, axial_line(mechanism, at, rows) if ruled else None)
+            values = force_values(closed, moved, closed.generalized_forces(need), f, along)
         if problem.wanted & RULED:
-            solved = dict.fromkeys(RULED if ruled else ("actuator_force", "axis_moment"), balanced.condition)
+            solved = dict.fromkeys(RULED if ruled else ("actuator_force", "axis_moment"), condition)
             conditions |= worst_of(conditions, solved)
         if "reaction" in problem.wanted:
             with self.clock.stage("reactions"):
-                wrenches = joint_wrenches(mechanism, at, rows, balanced.gaps)
-                values["reaction"] = reactions(mechanism, at.R, at.p, wrenches, balanced.couplings)
+                gaps, couplings = closed.multipliers(need, f)
+                wrenches = joint_wrenches(mechanism, at, rows, gaps)
+                values["reaction"] = reactions(mechanism, at.R, at.p, wrenches, couplings)
         return values

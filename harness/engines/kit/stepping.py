@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from screwgauge.engines.chunks import JointMotion, Simulated
+from screwgauge.engines.chunks import JointMotion
 from screwgauge.engines.kit.closing import Closing
 from screwgauge.engines.kit.constrained import Constrained
 from screwgauge.engines.kit.poses import follow_joints
@@ -69,7 +69,7 @@ def solve_stepwise(
         progress((after - grid[0]) / (grid[-1] - grid[0]))
     cost, (x, xd) = watch.cost(steps), (np.array(each) for each in zip(*path, strict=True))
     read = _read_joints(engine, problem, x, xd, start.q[0])
-    return Simulated(read, empty(len(x)), cost, stopped).solution(labels, mechanism.joints, task)
+    return read.solution(labels, mechanism.joints, task, empty(len(x)), cost, stopped)
 
 
 def check_bodies_alone(problem: Problem, engine: Constrained) -> None:

@@ -36,17 +36,14 @@ _TREE = frozenset({"tree_force", "tree_force_soft"})
 
 def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Solve a given motion: positions, velocities, accelerations and forces."""
-    work, labels, assembly = Work(lay, problem), ("screw", __version__, f"rule {problem.rule}"), list[Array]()
+    work, labels = Work(lay, problem), ("screw", __version__, f"rule {problem.rule}")
 
     def part(rows: slice) -> SolvedPart:
         some = motion.part(rows)
-        q = work.close(some, work.predict(some))
-        assembly.append(q)
-        return work.part(some, q)
+        return work.part(some, work.close(some, work.predict(some)))
 
-    size = {"length": work.loops.length, "mass": lay.mechanism.mass}
-    solution = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
-    return replace(solution, assembly=np.concatenate(assembly))
+    size = work.loops.length, lay.mechanism.mass
+    return assemble(labels, len(motion), part, work.names, work.clock, progress, size)
 
 
 def _stage(name: str) -> str:
@@ -100,7 +97,8 @@ class Work:
             return self.perturbed_values(closed[doubtful], motion.part(doubtful), shake)
 
         units = {name: units for name, (_, units) in self.names().items()}
-        return examine_part(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)
+        part = examine_part(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)
+        return replace(part, q=closed)
 
     def perturbed_values(self, closed: Array, motion: GivenMotion, shake: Array) -> dict[str, Array]:
         """Return values at poses perturbed by `shake` in dimensionless unknowns. Shapes (n, n_q), (n, n_unknown)."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.chunks import JointMotion, Simulated
+from screwgauge.engines.chunks import JointMotion
 from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.models.catalog import load_mechanism
@@ -32,9 +32,17 @@ BACKENDS = ("array", "numpy", "llvm")
 LONG = 2000
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """Settings of given motions and simulations.
+def load(files: ModelFiles, backend: str | None = None, precision: str = FLOAT64.name) -> ScrewModel:
+    """Load a description; see `ScrewModel` for the settings."""
+    lay = layout(load_mechanism(files.model))
+    check_choice("precision", [precision], NUMBER_TYPES, "settings of screw")
+    backends = BACKENDS if precision == FLOAT64.name else BACKENDS[1:]
+    check_choice("backend", [backend or backends[0]], backends, "settings of screw")
+    return ScrewModel(lay, str(files.model), backend=backend, precision=precision)
+
+
+class ScrewModel:
+    """A mechanism with its layout.
 
     Attributes:
         backend: Solver of given motions and simulations: ``array``, or a traced program run by ``numpy`` or ``llvm``.
@@ -43,24 +51,10 @@ class Settings:
         precision: Number type of the program; float32 excludes the backend ``array`` and solves only given motions.
     """
 
-    backend: str | None = None
-    precision: str = FLOAT64.name
-
-
-def load(files: ModelFiles, **settings: Any) -> ScrewModel:
-    """Load a description; see `Settings`."""
-    lay, chosen = layout(load_mechanism(files.model)), Settings(**settings)
-    check_choice("precision", [chosen.precision], NUMBER_TYPES, "settings of screw")
-    backends = BACKENDS if chosen.precision == FLOAT64.name else BACKENDS[1:]
-    check_choice("backend", [chosen.backend or backends[0]], backends, "settings of screw")
-    return ScrewModel(lay, str(files.model), chosen)
-
-
-class ScrewModel:
-    """A mechanism with its layout."""
-
-    def __init__(self, lay: Layout, where: str = "", settings: Settings | None = None) -> None:
-        self.lay, self.where, self.settings = lay, where or lay.mechanism.name, settings or Settings()
+    def __init__(
+        self, lay: Layout, where: str = "", *, backend: str | None = None, precision: str = FLOAT64.name
+    ) -> None:
+        self.lay, self.where, self.backend, self.precision = lay, where or lay.mechanism.name, backend, precision
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -69,9 +63,7 @@ class ScrewModel:
     @property
     def lacks(self) -> dict[str, str]:
         """Reasons for the quantities that the engine lacks."""
-        return (
-            {} if self.settings.precision == FLOAT64.name else {"mass_matrix": "programs do not compute mass matrices"}
-        )
+        return {} if self.precision == FLOAT64.name else {"mass_matrix": "programs do not compute mass matrices"}
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Solve a problem.
@@ -89,8 +81,8 @@ class ScrewModel:
 
     def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
         """Solve a given motion, with the array solver if no program is available."""
-        kind = NUMBER_TYPES[self.settings.precision]
-        backend = self.settings.backend or ("numpy" if len(task) >= LONG or kind is not FLOAT64 else "array")
+        kind = NUMBER_TYPES[self.precision]
+        backend = self.backend or ("numpy" if len(task) >= LONG or kind is not FLOAT64 else "array")
         if backend == "array":
             return solve_motion(self.lay, problem, task, progress)
         return solve_traced(self.lay, problem, task, progress, (backend, kind))
@@ -108,25 +100,20 @@ class ScrewModel:
             *notes,
             *(traced.notes() if traced else ()),
         )
-        simulated = Simulated(
-            JointMotion(path.rates.q, path.rates.joint_velocity, *self._joint_accelerations(problem, path)),
-            path.work,
-            path.cost,
-            path.stopped,
-            notes,
-            reactions,
-        )
-        setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}"
-        return simulated.solution(("screw", __version__, setting), self.lay.mechanism.joints, task)
+        read = JointMotion(path.rates.q, path.rates.joint_velocity, *self._joint_accelerations(problem, path))
+        labels = "screw", __version__, f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}"
+        joints = self.lay.mechanism.joints
+        solution = read.solution(labels, joints, task, path.work, path.cost, path.stopped, reactions)
+        return replace(solution, notes=notes)
 
     def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
         """Return programs for the accelerations, or None and a note on the reason, if any."""
         from screwgauge.engines.screw.forward import TracedForward
 
-        if self.settings.backend == "array":
+        if self.backend == "array":
             return None, ()
         try:
-            return TracedForward(self.lay, problem, task, self.settings.backend or "llvm"), ()
+            return TracedForward(self.lay, problem, task, self.backend or "llvm"), ()
         except NotTraceableError as error:
             return None, (f"accelerations by the array solver: {error.what}",)
 
@@ -140,10 +127,10 @@ class ScrewModel:
             ).joint_acceleration
         return accelerations, at.condition
 
-    def _reactions(self, path: Trajectory) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
-        """Return names, units and values of all constraint forces, from the whole Newton-Euler system."""
+    def _reactions(self, path: Trajectory) -> Values:
+        """Return all constraint forces, from the Newton-Euler system of all bodies."""
         whole = NewtonEuler(path.rates)
-        return whole.names, whole.units, whole.response()[1]
+        return Values(whole.names, whole.units, whole.response()[1])
 
     def _accelerate(self, problem: Problem, task: States) -> Solution:
         """Solve for accelerations of closed states under given forces, using the whole Newton-Euler system."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from operator import is_
 from pathlib import Path
@@ -192,7 +191,6 @@ class Runner(Protocol):
         """Return a runner that may run concurrently."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Bound:
     """A program bound to reusable arrays.
 
@@ -204,10 +202,12 @@ class Bound:
         run: Fills the values; returns whether all are finite and no sample is in doubt.
     """
 
-    values: tuple[Array, ...]
-    inputs: tuple[Array, ...]
-    unseen: Array | None
-    run: Callable[[], bool]
+    __slots__ = "inputs", "run", "unseen", "values"
+
+    def __init__(
+        self, values: Iterable[Array], inputs: Sequence[Array], unseen: Array | None, run: Callable[[], bool]
+    ) -> None:
+        self.values, self.inputs, self.unseen, self.run = tuple(values), inputs, unseen, run
 
     def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
         """Return True if these are the bound output arrays, and the inputs have the bound shapes."""

@@ -202,7 +202,7 @@ class TracedWork:
                 [given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights
             )
             unseen = given if len(inputs) > 3 or not self.lay.cuts else None
-            self.bound = Bound(tuple(values.values()), tuple(np.split(given, ends, axis=1)), unseen, run)
+            self.bound = Bound(values.values(), np.split(given, ends, axis=1), unseen, run)
         return self.bound
 
     @property
@@ -380,17 +380,16 @@ def solve_traced(
         by: Backend and number type; float32 provides no error estimate.
     """
     known, (backend, kind) = replace(problem, wanted=problem.wanted | {"joint_position"}), by  # which assembly it is
-    work, assembly = TracedWork(lay, known, motion, backend, kind=kind), list[Array]()
+    work = TracedWork(lay, known, motion, backend, kind=kind)
 
     def part(rows: slice) -> SolvedPart:
         some = motion.part(rows)
         chunk = work.part(some, work.predict(some), thorough=True)
-        assembly.append(chunk.values["joint_position"])
-        return replace(chunk, values={name: x for name, x in chunk.values.items() if name in problem.wanted})
+        wanted = {name: x for name, x in chunk.values.items() if name in problem.wanted}
+        return replace(chunk, values=wanted, q=chunk.values["joint_position"])
 
     narrow = "" if kind is FLOAT64 else f" in {kind.name}, from predictions in float64"
     labels = ("screw", __version__, f"rule {problem.rule}" + (f", backend {backend}{narrow}" if work.traced else ""))
-    size = {"length": work.length, "mass": lay.mechanism.mass}
-    solution = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
-    errors = {} if narrow else solution.errors
-    return replace(solution, assembly=np.concatenate(assembly), notes=work.notes(len(motion)), errors=errors)
+    size = work.length, lay.mechanism.mass
+    solution = assemble(labels, len(motion), part, work.names, work.clock, progress, size)
+    return replace(solution, notes=work.notes(len(motion)), errors={} if narrow else solution.errors)

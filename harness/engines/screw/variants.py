@@ -7,7 +7,7 @@ are stored only once. If only mass properties change, poses stay the same, see `
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -66,17 +66,11 @@ class VariantSolution:
         return self.values[quantity]
 
 
-@dataclass(slots=True, eq=False)
 class _Worst:
     """Largest checks of each variant over the samples, squared. Shape (V,) each."""
 
-    following: Array
-    ratio: Array
-    open: Array
-
-    @classmethod
-    def of(cls, count: int) -> _Worst:
-        return cls(*np.zeros((3, count)))
+    def __init__(self, count: int) -> None:
+        self.following, self.ratio, self.open = np.zeros((3, count))
 
     def meet(self, first: Array, second: Array, step: Array, following: Array, rows: Array) -> None:
         """Update with the checks of a sample; NaN persists."""
@@ -100,24 +94,14 @@ class _Worst:
         return (self.following <= CLOSED**2) & self.contracts & ~(self.open <= OPEN**2)
 
 
-@dataclass(slots=True, eq=False)
 class VariantLanes:
     """A program bound to buffers of several lanes, one row per number."""
 
-    given: Array
-    start: Array
-    near: Array
-    numbers: Array
-    out: Array
-    run: Any = field(init=False)
-
-    @classmethod
-    def of(cls, program: Any, symbols: Symbols, lanes: int) -> VariantLanes:
-        of_pose = len(symbols.predicted), len(symbols.near)
-        sizes = 3 * len(symbols.y) + 1, *of_pose, len(symbols.numbers)
-        made = cls(*(np.zeros((size, lanes)) for size in (*sizes, len(program.program.outputs))))
-        made.run = program.bind([made.given, made.start, made.near, made.numbers], [made.out])
-        return made
+    def __init__(self, program: Any, symbols: Symbols, lanes: int) -> None:
+        sizes = 3 * len(symbols.y) + 1, len(symbols.predicted), len(symbols.near), len(symbols.numbers)
+        self.given, self.start, self.near, self.numbers = inputs = [np.zeros((size, lanes)) for size in sizes]
+        self.out = np.zeros((len(program.program.outputs), lanes))
+        self.run = program.bind(inputs, [self.out])
 
 
 class Variants:
@@ -296,8 +280,8 @@ class Variants:
         symbols, made = self._program(self._steps)
         count, key = p.shape[1], (self._steps, min(LANES, -(-p.shape[1] // 8) * 8))
         if key not in self._bound:
-            self._bound[key] = VariantLanes.of(made, symbols, key[1])
-        lanes, worst = self._bound[key], _Worst.of(count)
+            self._bound[key] = VariantLanes(made, symbols, key[1])
+        lanes, worst = self._bound[key], _Worst(count)
         lanes.numbers[:] = self.nominal[:, None]
         lanes.numbers[:, :count] = p
         change, slopes = lanes.numbers - self.nominal[:, None], self._slopes_at(poses)

@@ -1,7 +1,8 @@
 """Springs, dampers, motors and loads on an engine's open tree, computed from the engine's body poses and rates.
 
-`exerted` computes them for the samples of a given motion or for a single state of a simulation. The forces are
-converted to wrenches on bodies (`applied_wrenches`) or to forces along the coordinates of the tree (`TreeForces`).
+`forces_at_joints` and `wrenches_on_bodies` compute them, for the samples of a given motion and for a single state of a
+simulation. They become wrenches on bodies (`applied_wrenches`) or forces along the coordinates of the tree
+(`TreeForces`).
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from screwgauge.engines.kit.acting import ActingForces, BodyMotion, Coordinate, exert_along, exert_on_bodies
+from screwgauge.engines.kit.acting import forces_at_joints, wrenches_on_bodies
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.cut_joints import read_chart
 from screwgauge.engines.tree.protocol import BodyAt, BodyPoses, OpenTree
@@ -29,25 +30,6 @@ def resisting_joints(closed: ClosedTree) -> tuple[Resistance, ...]:
     return resistances(closed.file.joints, LOSSES)
 
 
-def exerted(
-    closed: ClosedTree,
-    applied: Applied,
-    resist: Sequence[Resistance],
-    t: Array | float,
-    body: BodyMotion,
-    read: Coordinate,
-) -> ActingForces:
-    """Collect the forces of loads, springs, dampers, motors and resisting joints.
-
-    Args:
-        t: Times [s]. Shape (...).
-    """
-    out = ActingForces()
-    exert_along(out, applied, resist, t, read)
-    exert_on_bodies(out, applied, closed.loops.index, closed.load_point, t, body)
-    return out
-
-
 def applied_wrenches(
     closed: ClosedTree, applied: Applied, at: BodyPoses, motion: tuple[Array, Array, Array, Array]
 ) -> tuple[Array, Array]:
@@ -63,19 +45,16 @@ def applied_wrenches(
     """
     t, V, q, v = motion
     column = {name: i for i, name in enumerate(closed.names)}
-    acting = exerted(
-        closed,
-        applied,
-        resisting_joints(closed),
-        t,
-        lambda i: (at.R[:, i], at.p[:, i], V[:, i]),
-        lambda name: (q[:, column[name]], v[:, column[name]]),
-    )
     out, tau = np.zeros((*at.p.shape[:2], 6)), np.zeros_like(q)
-    for i, force, moment in acting.wrenches:
+
+    def body(i: int) -> tuple[Array, Array, Array]:
+        return at.R[:, i], at.p[:, i], V[:, i]
+
+    for i, force, moment, _ in wrenches_on_bodies(applied, closed.loops.index, closed.load_point, t, body):
         out[:, i, :3] += force
         out[:, i, 3:] += moment
-    for name, amount in acting.along:
+    losses = resisting_joints(closed)
+    for name, amount, _ in forces_at_joints(applied, losses, t, lambda x: (q[:, column[x]], v[:, column[x]])):
         tau[:, column[name]] += amount
     for joint in closed.file.joints:
         columns = [column[name] for name in joint.coordinates]
@@ -150,12 +129,14 @@ class TreeForces:
             value, rows[name] = self.readers[name](q, body)
             return value, float(rows[name] @ v)
 
-        acting = exerted(self.closed, self.applied, self.resist, t, motion, read)
-        for i, force, moment in acting.wrenches:
+        loops, point = self.closed.loops, self.closed.load_point
+        along = [*forces_at_joints(self.applied, self.resist, t, read)]
+        wrenches = [*wrenches_on_bodies(self.applied, loops.index, point, t, motion)]
+        for i, force, moment, _ in wrenches:
             tau += force @ jacobians[i][3:] + moment @ jacobians[i][:3]
-        for name, amount in acting.along:
+        for name, amount, _ in along:
             tau += amount * rows[name]
-        return float(acting.power)
+        return float(sum([power for _, _, power in along] + [power for _, _, _, power in wrenches]))
 
 
 def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:

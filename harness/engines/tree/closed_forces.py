@@ -45,10 +45,10 @@ def closed_forces(
         [N], (n,).
     """
     (problem, idle), (inverse, K), (acting, along) = given, system, exerted
-    tau, wanted, sizes = motion[3], problem.wanted, closed.sizes
+    tau, wanted, units = motion[3], problem.wanted, closed.units
     need = tau - at.forces_along(acting)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
-    largest = (np.maximum(np.abs(need), np.abs(tau)) * sizes.q).max(axis=1) / sizes.length
+    largest = (np.maximum(np.abs(need), np.abs(tau)) * units).max(axis=1) / closed.length
     values = {"generalized_force": Q}
     if not wanted & RULED:
         return values, {}, largest
@@ -70,7 +70,7 @@ def closed_forces(
     rest[:, driven] -= f
     # the force that actuators do not supply does no work on motions of y, so the rows of y get none of it
     m = inverse.shape[2] - K.shape[2]
-    multipliers = ((rest * sizes.q)[:, None] @ inverse[..., :m])[:, 0] / sizes.rows[:m]
+    multipliers = ((rest * units)[:, None] @ inverse[..., :m])[:, 0] / closed.row_units[:m]
     transmitted = closed.tree.transmitted(at, *motion[:3], acting + closed.loops.wrenches(at, multipliers))
     values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
     return values, conditions, largest

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from screwgauge.engines.chunks import JointMotion
@@ -80,7 +78,6 @@ def _pseudo_inverse(G: Array) -> Array:
 _MEMORY = 2e7  # bytes of the Jacobians of all bodies held at a time
 
 
-@dataclass(slots=True, eq=False)
 class Path:
     """States in order of time, some of which are requested.
 
@@ -90,11 +87,9 @@ class Path:
         a: Tree accelerations, one entry for each requested state.
     """
 
-    t: list[float] = field(default_factory=list)
-    q: list[Array] = field(default_factory=list)
-    v: list[Array] = field(default_factory=list)
-    wanted: list[int] = field(default_factory=list)
-    a: list[Array] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.t, self.q, self.v = list[float](), list[Array](), list[Array]()
+        self.wanted, self.a = list[int](), list[Array]()
 
     def add(self, t: float, q: Array, v: Array, a: Array | None = None) -> None:
         """Append a state; a state with accelerations counts as requested."""

@@ -202,23 +202,6 @@ def _anchors(closure: Closure, index: dict[str, int]) -> list[AnchorPair]:
     return [AnchorPair(closure.joint, angular, parent, child, *points) for angular, *points in sides]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sizes:
-    """Divisors that make the closing equations dimensionless.
-
-    Attributes:
-        length: Largest distance between joint points and centres of mass at the home pose [m].
-        q: Unit of each tree coordinate, 1 rad or `length`. Shape (n_v,).
-        y: Unit of each independent coordinate. Shape (k,).
-        rows: Unit of each closing row, with the rows of y last. Shape (m + k,).
-    """
-
-    length: float
-    q: Array
-    y: Array
-    rows: Array
-
-
 Charts = dict[str, Chart]
 """Cut joint -> its coordinates at some poses."""
 
@@ -254,15 +237,28 @@ class ClosedTree:
         return tree, independent
 
     @cached_property
-    def sizes(self) -> Sizes:
-        """Units that make the closing equations dimensionless."""
+    def length(self) -> float:
+        """Largest distance between joint points and centres of mass at home [m]; it makes lengths dimensionless."""
         at, loops = self.tree.poses(self.home[None]), self.loops
         sides = [(loops.index[body], frame.p) for joint in self.file.joints for body, frame in joint.sides]
         places = [*sides, *enumerate(self.tree.com, 1)]
-        length = widest([at.p[0, body] + at.R[0, body] @ where for body, where in places]) or 1.0
-        q, y = (np.where(angular, 1.0, length) for angular in self.angles)
-        anchors = [1.0 if anchor.angular else length for anchor in loops.anchors for _ in range(3)]
-        return Sizes(length, q, y, np.array([*anchors, *q[loops.couplings.columns], *y]))
+        return widest([at.p[0, body] + at.R[0, body] @ where for body, where in places]) or 1.0
+
+    @cached_property
+    def units(self) -> Array:
+        """Unit of each tree coordinate: 1 rad or the `length`. Shape (n_v,)."""
+        return np.where(self.angles[0], 1.0, self.length)
+
+    @cached_property
+    def y_units(self) -> Array:
+        """Unit of each independent coordinate. Shape (k,)."""
+        return np.where(self.angles[1], 1.0, self.length)
+
+    @cached_property
+    def row_units(self) -> Array:
+        """Unit of each closing row, those of y last. Shape (m + k,)."""
+        anchors = [1.0 if anchor.angular else self.length for anchor in self.loops.anchors for _ in range(3)]
+        return np.array([*anchors, *self.units[self.loops.couplings.columns], *self.y_units])
 
     @cached_property
     def names(self) -> tuple[str, ...]:

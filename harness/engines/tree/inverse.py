@@ -6,7 +6,7 @@ share this module's linear algebra, which closes loops and projects forces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -35,11 +35,11 @@ from screwgauge.solution import SOFTNESS, Clock, Error, Solution
 def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Solve inverse dynamics for a prescribed motion, using the engine's open-tree model."""
     work, tree = _Work(closed, problem, motion), closed.tree
-    size = {"length": closed.sizes.length, "mass": float(tree.masses.sum())}
+    size = closed.length, float(tree.masses.sum())
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
-    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, **size)
+    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, size)
     errors = {name: _soften(error, work.softness.get(name, 0.0)) for name, error in solution.errors.items()}
-    return replace(solution, errors=errors, assembly=np.concatenate(work.assembly))
+    return replace(solution, errors=errors)
 
 
 def _soften(error: Error, softness: float) -> Error:
@@ -56,31 +56,19 @@ _MOVED = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Poses:
-    """Closed poses of some samples: tree coordinates, cut joints, dimensionless closing system."""
-
-    motion: GivenMotion
-    q: Array
-    at: BodyPoses
-    charts: Charts
-    cut: dict[str, Array]
-    A: Array
-
-
 class _Work:
     """Data common to all parts, and the last pose of the path."""
 
     def __init__(self, closed: ClosedTree, problem: Problem, motion: GivenMotion) -> None:
         self.closed, self.problem, self.motion, self.clock = closed, problem, motion, Clock()
         self.depth = stages(problem.wanted)
-        sizes = closed.sizes
         self.moves = closed.tree.poses(closed.home[None]).moves
-        self.path = Continuation(self._scale, (closed.home / sizes.q, closed.y_home), closed.angles, sizes.y)
+        self.path = Continuation(
+            self._scale, (closed.home / closed.units, closed.y_home), closed.angles, closed.y_units
+        )
         # angles of cut joints at the last sample
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
         self.residual = 0.0
-        self.assembly: list[Array] = []
         self.softness = dict[str, float]()
 
     def part(self, rows: slice) -> SolvedPart:
@@ -91,20 +79,20 @@ class _Work:
             cut = {name: counted_turns(self.cut[name], c.q, name in self.closed.given) for name, c in charts.items()}
             self.cut = {name: angles[-1] for name, angles in cut.items()}
             charts = {name: replace(c, q=cut[name]) for name, c in charts.items()}
-        self.assembly.append(self.closed.joints(q, cut))
-        values, trust = _Pass(self, _Poses(motion, q, at, charts, cut, A)).all()
+        run = _Pass(self, motion, q, at, charts, A)
+        values, trust = run.all()
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
-            some, sizes = motion.part(doubtful), self.closed.sizes
-            there = q[doubtful] + shake * sizes.q
-            _, matrix, R, p, screws = self._scale(there / sizes.q, some.y / sizes.y)
+            some, units = motion.part(doubtful), self.closed.units
+            there = q[doubtful] + shake * units
+            _, matrix, R, p, screws = self._scale(there / units, some.y / self.closed.y_units)
             poses = BodyPoses(R, p, screws, at.moves)
             read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(poses).items()}
-            angles = {name: c.q for name, c in read.items()}
-            return _Pass(self, _Poses(some, there, poses, read, angles, matrix)).all()[0]
+            return _Pass(self, some, there, poses, read, matrix).all()[0]
 
         units = {name: units for name, (_, units) in self.names().items()}
-        return examine_part(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.sizes.length)
+        part = examine_part(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.length)
+        return replace(part, q=run.values["joint_position"])
 
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
         """Return the residuals of closures and then of y, and their derivative."""
@@ -124,22 +112,21 @@ class _Work:
 
     def _scale(self, z: Array, y: Array) -> tuple[Array, ...]:
         """Return dimensionless closure residuals, their derivative, and the poses."""
-        sizes = self.closed.sizes
-        q = z * sizes.q
-        at = self.closed.tree.poses(q)
-        error, rows = self._evaluate(q, y * sizes.y, at)
-        rows *= sizes.q / sizes.rows[:, None]
-        error /= sizes.rows
-        if rounding := self.closed.tree.rounding:
+        closed = self.closed
+        q = z * closed.units
+        at = closed.tree.poses(q)
+        error, rows = self._evaluate(q, y * closed.y_units, at)
+        rows *= closed.units / closed.row_units[:, None]
+        error /= closed.row_units
+        if rounding := closed.tree.rounding:
             error[np.abs(error) <= rounding] = 0.0
         return error, rows, at.R, at.p, at.screws
 
     def _positions(self, motion: GivenMotion) -> tuple[Array, Array, BodyPoses]:
-        sizes = self.closed.sizes
         rates = motion.yd, motion.ydd
         z, matrix, error, R, p, screws = self.path.follow(motion.y, motion.t, rates, motion.drive)
-        self.residual = float(error.max()) * max(1.0, sizes.length)
-        return z * sizes.q, matrix, BodyPoses(R, p, screws, self.moves)
+        self.residual = float(error.max()) * max(1.0, self.closed.length)
+        return z * self.closed.units, matrix, BodyPoses(R, p, screws, self.moves)
 
     def names(self) -> Names:
         file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators
@@ -165,10 +152,18 @@ class _Pass:
         speed, rush, load: Scales of velocity, acceleration and force, as in `Trust`. Shape (n,).
     """
 
-    def __init__(self, work: _Work, poses: _Poses) -> None:
-        self.work, self.closed, self.poses = work, work.closed, poses
-        self.wanted, self.sizes, self.clock = work.problem.wanted, work.closed.sizes, work.clock
-        self.values = {"joint_position": self.closed.joints(poses.q, poses.cut)}
+    def __init__(self, work: _Work, motion: GivenMotion, q: Array, at: BodyPoses, charts: Charts, A: Array) -> None:
+        """Begin at closed poses.
+
+        Args:
+            q, at: Coordinates of the tree, shape (n, n_v), and its poses there.
+            charts: Coordinates of the cut joints.
+            A: Dimensionless closing system. Shape (n, m + k, n_v).
+        """
+        self.work, self.closed, self.motion, self.q, self.at = work, work.closed, motion, q, at
+        self.charts, self.A = charts, A
+        self.wanted, self.units, self.clock = work.problem.wanted, work.closed.units, work.clock
+        self.values = {"joint_position": self.closed.joints(q, {name: chart.q for name, chart in charts.items()})}
         applied = work.problem.applied
         self.sprung = bool(applied.springs or applied.motors or resistances(self.closed.file.joints))
         self.conditions: dict[str, Array] = {}
@@ -178,7 +173,7 @@ class _Pass:
 
     def all(self) -> tuple[dict[str, Array], Trust]:
         """Return the requested values and their error data."""
-        depth, A = self.work.depth, self.poses.A
+        depth, A = self.work.depth, self.A
         with self.clock.stage("condition"):
             self.inverse, self.condition = linear.inverted_along(A)
         if depth in "vaf":
@@ -192,7 +187,7 @@ class _Pass:
             with self.clock.stage("forces"):
                 self._forces()
         with self.clock.stage("condition"):
-            charts = [chart.condition for chart in self.poses.charts.values()]
+            charts = [chart.condition for chart in self.charts.values()]
             worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), len(A))
             sizes = self.speed, self.rush, self.load
             trust = Trust(self.condition, self.condition / linear.norms(A), worst, self.conditions, *sizes)
@@ -200,22 +195,22 @@ class _Pass:
 
     def _velocities(self) -> None:
         """Solve ``A v = [0; yd]`` for the velocities."""
-        poses, yd = self.poses, self.poses.motion.yd
-        self.K = self.inverse[..., -yd.shape[1] :] * self.sizes.q[:, None] / self.sizes.y
+        yd = self.motion.yd
+        self.K = self.inverse[..., -yd.shape[1] :] * self.units[:, None] / self.closed.y_units
         self.v = (self.K @ yd[..., None])[..., 0]
-        self.V = poses.at.velocities(self.v)
+        self.V = self.at.velocities(self.v)
         if self.sprung or self.wanted & {"joint_velocity", *_MOVED}:
-            self.cut_v = self.closed.cut_velocities(poses.charts, self.V)
-            self.values["joint_velocity"] = self.closed.joints(self.v, mask_gimbal_lock(poses.charts, self.cut_v))
+            self.cut_v = self.closed.cut_velocities(self.charts, self.V)
+            self.values["joint_velocity"] = self.closed.joints(self.v, mask_gimbal_lock(self.charts, self.cut_v))
         else:
-            self.cut_v = self.closed.cut_velocities({name: poses.charts[name] for name in self.closed.given}, self.V)
+            self.cut_v = self.closed.cut_velocities({name: self.charts[name] for name in self.closed.given}, self.V)
         self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
-        self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
+        self.speed = np.abs(self.v / self.units).max(axis=1)
         if "jacobian" in self.wanted:
-            moved = np.stack([poses.at.velocities(column) for column in np.moveaxis(self.K, 2, 0)], axis=3)
-            twists, R = moved[:, [0, *self.closed.bodies]], poses.at.R[:, [0, *self.closed.bodies]]
+            moved = np.stack([self.at.velocities(column) for column in np.moveaxis(self.K, 2, 0)], axis=3)
+            twists, R = moved[:, [0, *self.closed.bodies]], self.at.R[:, [0, *self.closed.bodies]]
             index = {name: i for i, name in enumerate((GROUND, *self.closed.file.bodies))}
-            B, points, idle = self.K[:, self.closed.driven], self.work.problem.points, poses.motion.idle
+            B, points, idle = self.K[:, self.closed.driven], self.work.problem.points, self.motion.idle
             rates = per_actuator(twists, R, points, index, B, idle=idle)
             self.values["jacobian"], self.conditions["jacobian"] = rates
         if "mass_matrix" in self.wanted:
@@ -224,34 +219,34 @@ class _Pass:
     @cached_property
     def _inertia(self) -> Array:
         """The mass matrix in the independent coordinates. Shape (n, k, k)."""
-        return np.asarray(self.K.swapaxes(1, 2) @ self.closed.tree.mass_matrix(self.poses.q) @ self.K)
+        return np.asarray(self.K.swapaxes(1, 2) @ self.closed.tree.mass_matrix(self.q) @ self.K)
 
     def _accelerations(self) -> None:
         """Solve ``A a = [-Jdot v; ydd - bias]`` for the accelerations, with the engine's own Jdot v."""
-        poses, closed, tree, loops = self.poses, self.closed, self.closed.tree, self.closed.loops
-        (n, k), idle = poses.motion.ydd.shape, [*poses.motion.idle]
-        given = poses.motion.ydd.copy()
+        closed, tree, loops = self.closed, self.closed.tree, self.closed.loops
+        (n, k), idle = self.motion.ydd.shape, [*self.motion.idle]
+        given = self.motion.ydd.copy()
         given[:, idle] = 0.0
-        bias = tree.bias(poses.at, poses.q, self.v, self.V)
-        still = poses.q, self.v, np.zeros_like(self.v)
-        right = np.concatenate([-closed.gap_accelerations(still, poses.at, self.V, bias), given], axis=1)
-        charts = {name: poses.charts[name] for name in closed.given}
+        bias = tree.bias(self.at, self.q, self.v, self.V)
+        still = self.q, self.v, np.zeros_like(self.v)
+        right = np.concatenate([-closed.gap_accelerations(still, self.at, self.V, bias), given], axis=1)
+        charts = {name: self.charts[name] for name in closed.given}
         cut_bias = closed.cut_accelerations(charts, self.cut_v, self.V, bias)
         for row, (column, name, i) in enumerate(loops.independent, right.shape[1] - k):
             if column is None:
                 right[:, row] -= cut_bias[name][:, i]
-        self.a = (self.inverse @ (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
+        self.a = (self.inverse @ (right / self.closed.row_units)[..., None])[..., 0] * self.units
         if idle:
             self._follow(idle)
-        self.rush = np.maximum(self.speed**2, np.abs(self.a / self.sizes.q).max(axis=1))
+        self.rush = np.maximum(self.speed**2, np.abs(self.a / self.units).max(axis=1))
         if not self.wanted & _MOVED:
             return
         if "com_acceleration" in self.wanted:
-            com = tree.com_accelerations(poses.q, self.v, self.a)
+            com = tree.com_accelerations(self.q, self.v, self.a)
             self.values["com_acceleration"] = com[:, [b - 1 for b in closed.bodies]].reshape(n, -1)
-        A = bias + poses.at.velocities(self.a)
-        cut_a = closed.cut_accelerations(poses.charts, self.cut_v, self.V, A)
-        self.values["joint_acceleration"] = closed.joints(self.a, mask_gimbal_lock(poses.charts, cut_a))
+        A = bias + self.at.velocities(self.a)
+        cut_a = closed.cut_accelerations(self.charts, self.cut_v, self.V, A)
+        self.values["joint_acceleration"] = closed.joints(self.a, mask_gimbal_lock(self.charts, cut_a))
         self.values["body_angular_acceleration"] = A[:, closed.bodies, :3].reshape(n, -1)
         if "resistance" in self.wanted:
             rates, changes = self.values["joint_velocity"], self.values["joint_acceleration"]
@@ -261,7 +256,7 @@ class _Pass:
 
     def _follow(self, idle: list[int]) -> None:
         """Add the accelerations of undriven coordinates, using the engine's own forces and inertia."""
-        need = self.closed.tree.tree_force(self.poses.q, self.v, self.a) - self.poses.at.forces_along(self._acting[0])
+        need = self.closed.tree.tree_force(self.q, self.v, self.a) - self.at.forces_along(self._acting[0])
         Q, B = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0], self.K[:, self.closed.driven]
         x, condition = idle_accelerations(B, self._inertia[..., idle], Q, idle)
         self.conditions = dict.fromkeys(ACCELERATED, condition)
@@ -271,7 +266,7 @@ class _Pass:
         """Measure the closure residuals of position, velocity and acceleration, which soft constraints convert to
         forces.
         """
-        q, at, closed, V = self.poses.q, self.poses.at, self.closed, self.V
+        q, at, closed, V = self.q, self.at, self.closed, self.V
         rate = closed.jacobian(q, at) @ self.v[..., None]
         second = closed.gap_accelerations((q, self.v, self.a), at, V, A)
         measured = [self.work.residual, np.abs(rate).max(initial=0.0), np.abs(second).max(initial=0.0)]
@@ -281,7 +276,7 @@ class _Pass:
 
     def _tree_forces(self) -> None:
         self.load = self._inertia_and_weight()
-        tree, order, state = self.closed.tree, self.closed.order, (self.poses.q, self.v, self.a)
+        tree, order, state = self.closed.tree, self.closed.order, (self.q, self.v, self.a)
         if "tree_force" in self.wanted or self.work.depth == "f":
             with self.clock.stage("tree forces"):
                 self.tau = tree.tree_force(*state)
@@ -295,10 +290,10 @@ class _Pass:
 
     def _inertia_and_weight(self) -> Array:
         """Return the largest inertial plus weight force along a coordinate, assuming no cancellation [N]. (n,)."""
-        tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
-        most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
+        tree, at, L = self.closed.tree, self.at, self.closed.length
+        most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * L
         bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few bodies
-        weights = np.eye(len(sizes.q))[columns] * tree.masses[bodies, None] * sizes.q / sizes.length
+        weights = np.eye(len(self.units))[columns] * tree.masses[bodies, None] * self.units / L
         com, largest = at.points(range(1, len(tree.com) + 1), tree.com), np.empty(len(at.p))
         for rows in linear.blocks(len(com)):
             screws = at.screws[rows][:, :, columns].swapaxes(1, 2)
@@ -309,14 +304,14 @@ class _Pass:
     @cached_property
     def _acting(self) -> tuple[Array, Array]:
         """Applied wrenches, see `applied_wrenches`."""
-        q, motion = self.values["joint_position"], self.poses.motion
+        q, motion = self.values["joint_position"], self.motion
         v = self.closed.joints(self.v, self.cut_v) if self.sprung else np.zeros_like(q)
-        return applied_wrenches(self.closed, self.work.problem.applied, self.poses.at, (motion.t, self.V, q, v))
+        return applied_wrenches(self.closed, self.work.problem.applied, self.at, (motion.t, self.V, q, v))
 
     def _forces(self) -> None:
-        motion, given = (self.poses.q, self.v, self.a, self.tau), (self.work.problem, self.poses.motion.idle)
+        motion, given = (self.q, self.v, self.a, self.tau), (self.work.problem, self.motion.idle)
         system = self.inverse, self.K
-        values, conditions, largest = closed_forces(self.closed, given, self.poses.at, system, motion, self._acting)
+        values, conditions, largest = closed_forces(self.closed, given, self.at, system, motion, self._acting)
         self.values |= values
         self.conditions = worst_of(self.conditions, conditions)
         self.load = self.load + largest

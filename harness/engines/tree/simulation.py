@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.chunks import Simulated
 from screwgauge.engines.methods import (
     METHODS,
     MOST,
@@ -39,7 +38,7 @@ from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Cost, Solution, Stopwatch, empty
+from screwgauge.solution import Cost, Solution, Stopwatch, Values, empty
 
 #: Number of recent steps whose largest size is used to pass a pose with unreliable accelerations, because steps may
 #: have shrunk in front of it.
@@ -163,16 +162,11 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
         )
     if steps.over:
         notes.append(f"{steps.over} steps were repeated with another size because accelerations were unreliable")
-    simulated = Simulated(
-        read_path(closed, run.path, task.start),
-        np.array(run.work),
-        replace(steps.cost, evaluations=run.evaluations),
-        stopped,
-        tuple(notes),
-    )
-    tree = closed.tree
+    read, cost = read_path(closed, run.path, task.start), replace(steps.cost, evaluations=run.evaluations)
     setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}; {mover.setting}"
-    return simulated.solution((tree.engine, tree.version, setting), closed.file.joints, task)
+    labels = closed.tree.engine, closed.tree.version, setting
+    solution = read.solution(labels, closed.file.joints, task, np.array(run.work), cost, stopped)
+    return replace(solution, notes=tuple(notes))
 
 
 class _Steps:
@@ -349,17 +343,12 @@ def step_through(
             stopped = f"t = {begin + done * h:.6g} s: {error}".rstrip(".")
             break
     cost = clock.cost(steps, steps * (KNOWN if stepper.order == KNOWN else 1))
-    wanted = "reaction" in problem.wanted and bool(stepper.closing)
-    simulated = Simulated(
-        read_path(closed, path, task.start),
-        _work(stepper, forces, path) if known else empty(len(path.wanted)),
-        cost,
-        stopped,
-        stepper.notes,
-        (stepper.closing, ("N",) * len(stepper.closing), np.array(closing)) if wanted else None,
-    )
-    labels = (closed.tree.engine, closed.tree.version, stepper.setting)
-    return simulated.solution(labels, closed.file.joints, task)
+    work, reactions = _work(stepper, forces, path) if known else empty(len(path.wanted)), None
+    if "reaction" in problem.wanted and stepper.closing:
+        reactions = Values(stepper.closing, ("N",) * len(stepper.closing), np.array(closing))
+    labels, read = (closed.tree.engine, closed.tree.version, stepper.setting), read_path(closed, path, task.start)
+    solution = read.solution(labels, closed.file.joints, task, work, cost, stopped, reactions)
+    return replace(solution, notes=stepper.notes)
 
 
 def _work(stepper: Stepper, forces: TreeForces, path: Path) -> Array:
