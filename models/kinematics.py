@@ -18,7 +18,6 @@ from screwgauge.witness.tree import (
     COORDINATES,
     FixedFrame,
     LoopConstraint,
-    MassProperties,
     SpanningTree,
     TreeLink,
     TreeStates,
@@ -77,11 +76,9 @@ def tree_of(reading: Reading) -> ReadingTree:
         links=tuple(links[i] for i in number.values()),
         freedom=reading.freedom,
         bodies=stack_frames([at[name] for name in reading.bodies]),
-        matter=MassProperties(
-            np.array([body.mass for body in bodies]),
-            np.array([body.com for body in bodies]).reshape(-1, 3),
-            np.array([body.inertia for body in bodies]).reshape(-1, 3, 3),
-        ),
+        mass=np.array([body.mass for body in bodies]),
+        com=np.array([body.com for body in bodies]).reshape(-1, 3),
+        inertia=np.array([body.inertia for body in bodies]).reshape(-1, 3, 3),
         closures={
             name: LoopConstraint(c.kind, end(c.first, c.first_frame), end(c.second, c.second_frame))
             for name, c in reading.closures.items()

@@ -24,7 +24,14 @@ from screwgauge.models.kinematics import ReadingTree, draw, size, tree_of, unmod
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.constraints import DEPENDENT, admissible_projector, close_loops, equations, is_rank_clear
+from screwgauge.witness.constraints import (
+    DEPENDENT,
+    admissible_projector,
+    close_loops,
+    gap_bias,
+    gaps_and_rows,
+    is_rank_clear,
+)
 from screwgauge.witness.dynamics import dynamics, inverse_dynamics, passive_parts
 from screwgauge.witness.tree import TreeStates
 
@@ -98,19 +105,18 @@ def compare_loops(
         return {}
     drawn = float(np.abs(states.qdd).max())  # admissible accelerations may be rounding only
     states, fits = close_loops(tree, states)
-    states = states.at(is_rank_clear(equations(tree, states).rows))
+    states = states.at(is_rank_clear(gaps_and_rows(tree, states)[1]))
     if not fits.any() or not len(states.q):
         return {}
     rows, bias = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
-    own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
-    if rows.shape != own.rows.shape:  # the library has constraints that readings cannot represent
+    (_, own), slides = gaps_and_rows(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
+    if rows.shape != own.shape:  # the library has constraints that readings cannot represent
         return {}
-    (one, _), (two, sure) = (admissible_projector(each, slides, size(tree.reading)) for each in (rows, own.rows))
+    (one, _), (two, sure) = (admissible_projector(each, slides, size(tree.reading)) for each in (rows, own))
     # least squares amplify rounding errors of rows and gaps by the square of the condition number
     weight = sure[:, None, None] ** 2
-    here, there = (
-        weight * (np.linalg.pinv(J, rcond=DEPENDENT) @ b[..., None]) for J, b in ((rows, bias), (own.rows, own.bias))
-    )
+    systems = (rows, bias), (own, gap_bias(tree, states))
+    here, there = (weight * (np.linalg.pinv(J, rcond=DEPENDENT) @ b[..., None]) for J, b in systems)
     return {
         "constraint Jacobian": _scaled(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
         "Jdot v": _scaled(here, there, drawn),
@@ -287,6 +293,6 @@ def _library_torques(model: Model) -> _Dynamics:
 def _project(torques: Torques, tau: Array) -> Array:
     """Project torques onto the motions that loops allow, with less weight near singular poses. Shape (n, n_freedom)."""
     reading, slides = torques.reading, np.array([unit == "N" for _, unit in components(torques.reading)], dtype=bool)
-    P, sure = admissible_projector(equations(tree_of(reading), _states(torques)).rows, slides, size(reading))
+    P, sure = admissible_projector(gaps_and_rows(tree_of(reading), _states(torques))[1], slides, size(reading))
     units = np.where(slides, size(reading), 1.0)
     return np.asarray(np.minimum(1.0, sure / SURE)[:, None] * (P @ (units * tau)[..., None])[..., 0] / units)

@@ -16,7 +16,7 @@ from screwgauge.models.kinematics import ReadingTree, home
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation_vector
-from screwgauge.witness.constraints import DEPENDENT, STEPS, equations, move_joints, newton_step
+from screwgauge.witness.constraints import DEPENDENT, STEPS, move_joints, newton_step, residual
 from screwgauge.witness.kinematics import Moving, move
 from screwgauge.witness.tree import FixedFrame, TreeStates, stack_frames
 
@@ -75,9 +75,10 @@ def follow(
     back = np.linalg.pinv(R, rcond=DEPENDENT) @ np.swapaxes(Q, 1, 2)
     C = back @ _rows(lead.jacobian(at, wanted.p))
     there = replace(there, qd=(C @ states.qd[..., None])[..., 0])
-    here = move(tree, there).links.frames(own)
+    motion = move(tree, there)
+    here = motion.links.frames(own)
     missing = (wanted.acceleration - here.acceleration).reshape(len(C), -1, 1)
-    gaps = [_off(here, wanted), (here.velocity - wanted.velocity).reshape(len(C), -1), equations(tree, there).gap]
+    gaps = [_off(here, wanted), (here.velocity - wanted.velocity).reshape(len(C), -1), residual(tree, there, motion)]
     fits = np.abs(np.hstack(gaps)).max(axis=1, initial=0.0) <= FITS * max(tree.length, 1.0)
     return replace(there, qdd=(back @ missing)[..., 0]), C, fits
 

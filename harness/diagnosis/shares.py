@@ -23,7 +23,7 @@ from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.reference.linear import null_space
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.constraints import DEPENDENT, close_loops, equations
+from screwgauge.witness.constraints import DEPENDENT, close_loops, gaps_and_rows
 from screwgauge.witness.dynamics import inverse_dynamics
 from screwgauge.witness.tree import TreeStates
 
@@ -46,7 +46,7 @@ def freedom_left(reading: Reading, seed: int = 0) -> int:
     if not (reading.closures or reading.couplings):
         return reading.freedom
     states, _ = close_loops(tree, near_home(tree, 3, _units(reading), seed))
-    ranks = [int(np.linalg.matrix_rank(rows, tol=1e-7)) for rows in equations(tree, states).rows]
+    ranks = [int(np.linalg.matrix_rank(rows, tol=1e-7)) for rows in gaps_and_rows(tree, states)[1]]
     return reading.freedom - min(ranks) if ranks else -1
 
 
@@ -117,7 +117,7 @@ class Torques:
         if not (self.reading.closures or self.reading.couplings):
             return None
         units = _units(self.reading)
-        return [null_space(rows * units, DEPENDENT) for rows in equations(tree_of(self.reading), self.states).rows]
+        return [null_space(rows * units, DEPENDENT) for rows in gaps_and_rows(tree_of(self.reading), self.states)[1]]
 
     @cached_property
     def own(self) -> Array:

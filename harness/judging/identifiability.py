@@ -28,7 +28,6 @@ from screwgauge.witness.joints import MechanismTree, mechanism_tree, open_tree
 from screwgauge.witness.kinematics import TreeMotion, move, unit_twists, velocity_products
 from screwgauge.witness.tree import TreeStates
 from screwgauge.witness.wrenches import (
-    UnitWrench,
     balance_amounts,
     exerted_on_bodies,
     load_in_world,
@@ -144,19 +143,20 @@ def _solve(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
         units, amounts = _balance(at, whole)
         m = len(units) - len(mechanism.actuator_names)
         determined = dict(zip(counted.names, counted.determined, strict=True))
-        known = [i for i, unit in enumerate(units[:m]) if determined[unit.name]]
-        table["reaction"], f = (tuple(units[i].unit for i in known), amounts[:, known]), amounts[:, m:]
+        known = [i for i, name in enumerate([*units][:m]) if determined[name]]
+        table["reaction"], f = (tuple([*units.values()][i] for i in known), amounts[:, known]), amounts[:, m:]
     return {**table, "actuator_force": (mechanism.actuator_units, f)}
 
 
-def _balance(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]:
+def _balance(at: CoveredMotion, whole: Array) -> tuple[dict[str, str], Array]:
     """Solve for reactions, then actuator forces, from the balance of every body and the redundancy rule."""
     tree, com, q = at.tree, at.motion.com, at.states.q
-    units = [unit for name in ("reaction", "actuator_force") for unit in unit_wrenches(tree, at.motion, q, name)]
+    parts = [part for name in ("reaction", "actuator_force") for part in unit_wrenches(tree, at.motion, q, name)]
+    units, columns_of = wrench_columns(parts, tree, com)
     if at.axial:  # eq. (56)
         name, direction = at.axial
         body = at.mechanism.body_index[at.mechanism.joint(name).child] - 1
-        columns = [[unit.name for unit in units].index(f"{name}.f{axis}") for axis in "xyz"]
+        columns = [[*units].index(f"{name}.f{axis}") for axis in "xyz"]
         nothing = across_direction(com.R[:, body], direction)
     else:  # no preload
         columns = [*range(len(units) - len(at.mechanism.actuator_names), len(units))]
@@ -164,8 +164,7 @@ def _balance(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]:
         nothing = U[..., len(at.mechanism.independent) :].swapaxes(1, 2)
     rules = np.zeros((len(q), nothing.shape[1], len(units)))
     rules[:, :, columns] = nothing
-    columns_of = wrench_columns(units, tree, com)
-    return units, balance_amounts(units, columns_of, np.moveaxis(whole, 0, 3), tree.length, rules)
+    return units, balance_amounts(units.values(), columns_of, np.moveaxis(whole, 0, 3), tree.length, rules)
 
 
 def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
@@ -174,12 +173,12 @@ def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
 
 def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
     """Return the kinds of terms and the required wrenches due to each; `inertial` includes the Lie bracket."""
-    applied, matter, com = now.problem.applied, now.tree.matter, now.motion.com
-    split = newton_euler(matter, com.R, com.w, com.b, com.a, applied.g)
+    applied, tree, com = now.problem.applied, now.tree, now.motion.com
+    split = newton_euler(tree, com.R, com.w, com.b, com.a, applied.g)
     nothing = np.zeros((*com.p.shape[:2], 6))
 
     def inertial(angular: Array, linear: Array) -> Array:
-        return np.concatenate([matter.mass[:, None] * linear, momentum(matter, com.R, angular)], axis=2)
+        return np.concatenate([tree.mass[:, None] * linear, momentum(tree, com.R, angular)], axis=2)
 
     own = {"gravity": nothing.copy(), "inertial": split.inertial, "gyroscopic": nothing.copy()}
     own["gravity"][..., :3], own["gyroscopic"][..., 3:] = split.gravity, split.gyroscopic

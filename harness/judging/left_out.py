@@ -33,7 +33,7 @@ from screwgauge.witness.dynamics import project_forces
 from screwgauge.witness.joints import open_tree
 from screwgauge.witness.kinematics import Moving, move
 from screwgauge.witness.tree import FixedFrame, TreeStates, stack_frames
-from screwgauge.witness.wrenches import balance_amounts, coordinate_act, wrench_columns
+from screwgauge.witness.wrenches import balance_amounts, coordinate_wrench, wrench_columns
 
 ARMATURE, DAMPING, FRICTION, SPRINGS, WEIGHT, DRAG = (
     "armature",
@@ -117,12 +117,11 @@ class MeasuredPart:
         for force, unit in zip(self.actuators(wrenches).T, driving, strict=True):
             for body, wrench in unit.on_bodies(answer.tree, com):
                 need[:, body] -= force[:, None] * wrench
-        units = [unit for _, unit in unit_wrenches_of(answer, "reaction")]
+        parts = [part for _, part in unit_wrenches_of(answer, "reaction")]
+        units, columns = wrench_columns(parts, answer.tree, com)
         none = np.zeros((len(need), 0, len(units)))
-        columns = wrench_columns(units, answer.tree, com)
-        amounts = balance_amounts(units, columns, need[..., None], answer.scales["m"], none)[..., 0]
-        places = {unit.name: i for i, unit in enumerate(units)}
-        return amounts[:, [places[name] for name in names]]
+        amounts = balance_amounts(units.values(), columns, need[..., None], answer.scales["m"], none)[..., 0]
+        return amounts[:, [[*units].index(name) for name in names]]
 
     def _tree_forces(self, wrenches: Array, names: Sequence[str]) -> Array:
         """Return forces along the open-tree coordinates of some joints. Shape (n, m)."""
@@ -222,7 +221,7 @@ def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Ite
             for kind, force in _along_stroke(answer, one, there).items():
                 total = np.zeros(_shape(answer))
                 for name, share in one.along.items():
-                    act = coordinate_act(answer.tree, answer.motion, answer.q, name, share * force)
+                    act = coordinate_wrench(answer.tree, answer.motion, answer.q, name, share * force)
                     total += _between(answer, act.joint.bodies, act.force, act.moment, act.point)
                 yield kind, total
         case TurnResistance():

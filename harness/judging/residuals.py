@@ -26,7 +26,7 @@ from screwgauge.witness.joints import open_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
 from screwgauge.witness.wrenches import (
-    UnitWrench,
+    JointWrench,
     balance_amounts,
     exerted_wrenches,
     joint_forces,
@@ -62,8 +62,8 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
         _vectors(answer[BODY_MOTION[what]]) if answer.has(BODY_MOTION[what]) else body_motion(answer, what)
         for what in "wba"
     )
-    terms = body_equations(tree.matter, answer.motion.com.R, w, b, a, applied.g)
-    wrenches, sizes = terms.wrenches, np.zeros((len(tree.matter.mass), 2))
+    terms = body_equations(tree, answer.motion.com.R, w, b, a, applied.g)
+    wrenches, sizes = terms.wrenches, np.zeros((len(tree.mass), 2))
     for k, parts in enumerate(
         ((terms.inertial[..., :3], terms.gravity[None]), (terms.inertial[..., 3:], terms.gyroscopic))
     ):
@@ -95,13 +95,13 @@ def level_sizes(sizes: Array, length: float) -> Array:
     return np.stack([force, force * length], axis=-1)
 
 
-def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, UnitWrench]]:
+def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, JointWrench]]:
     """Yield each quantity, ``reaction`` or ``actuator_force``, with the unit wrench of each of its components."""
     for quantity in quantities:
         yield from ((quantity, unit) for unit in unit_wrenches(answer.tree, answer.motion, answer.q, quantity))
 
 
-def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
+def amount(answer: Answer, quantity: str, unit: JointWrench) -> Array:
     """Return an answer's values of the component that a unit wrench represents [N or N m]. Shape (n, 1)."""
     values = answer.values[quantity]
     return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
@@ -187,17 +187,22 @@ def inertia_of(answer: Answer, admissible: AdmissibleMotion) -> Array:
 
 def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
     """Yield the reported mass matrix minus the inertia for admissible motions, composed from the tips inwards."""
-    mechanism, length = answer.mechanism, answer.scales["m"]
+    mechanism = answer.mechanism
     labels = zip(mechanism.independent, mechanism.independent_columns, strict=True)
     names, units = pairs({label: mechanism.units[column] for label, column in labels})
     M = inertia_of(answer, admissible)
     right = M[(..., *np.triu_indices(M.shape[-1]))]
-    missing = answer.values["mass_matrix"].pick(names).array - right
+    yield from _deviations(answer, "mass_matrix", names, units, right)
+
+
+def _deviations(answer: Answer, name: str, names: Sequence[str], units: Sequence[str], right: Array) -> Residuals:
+    """Yield a reported quantity minus its right values, all scaled by the largest in the mechanism's length. (n, m)."""
+    missing, length = answer.values[name].pick(tuple(names)).array - right, answer.scales["m"]
     load = largest(right / [arm(unit, length) for unit in units])
     for unit in dict.fromkeys(units):
         columns = [i for i, has in enumerate(units) if has == unit]
         some, size = [names[i] for i in columns], load * arm(unit, length)
-        yield answer.residual("mass_matrix", unit, some, missing[:, columns], size, ("mass_matrix",))
+        yield answer.residual(name, unit, some, missing[:, columns], size, (name,))
 
 
 def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]) -> Residuals:
@@ -213,13 +218,7 @@ def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]
     driven = given_columns(rates.shape[2], idle)
     B = admissible.partial[:, mechanism.actuated_columns][..., driven]
     right = (rates[..., driven] @ np.linalg.pinv(B)).reshape(len(B), -1)
-    (names, units), reported = described(mechanism, points)["jacobian"], answer.values["jacobian"]
-    missing, length = reported.pick(names).array - right, answer.scales["m"]
-    load = largest(right / [arm(unit, length) for unit in units])  # origins of bodies may rest
-    for unit in dict.fromkeys(units):
-        columns = [i for i, has in enumerate(units) if has == unit]
-        some, size = [names[i] for i in columns], load * arm(unit, length)
-        yield answer.residual("jacobian", unit, some, missing[:, columns], size, ("jacobian",))
+    yield from _deviations(answer, "jacobian", *described(mechanism, points)["jacobian"], right)
 
 
 def resistance(answer: Answer) -> Residuals:
@@ -227,13 +226,9 @@ def resistance(answer: Answer) -> Residuals:
     reported = answer.values["resistance"]
     for unit in dict.fromkeys(reported.units):
         some = [one for one in answer.mechanism.resistances if one.unit == unit]
-        names, right = (
-            tuple(one.name for one in some),
-            np.stack([resistance_force(one, answer.states) for one in some], axis=1),
-        )
-        yield answer.residual(
-            "resistance", unit, names, reported.pick(names).array - right, largest(right), ("resistance",)
-        )
+        names, each = tuple(one.name for one in some), [resistance_force(one, answer.states) for one in some]
+        missing, size = reported.pick(names).array - np.stack(each, axis=1), largest(*each)
+        yield answer.residual("resistance", unit, names, missing, size, ("resistance",))
 
 
 TREE_FORCES = ("tree_force", "tree_force_soft")
@@ -255,11 +250,9 @@ def tree_forces(answer: Answer) -> Residuals:
         tree = spanning_tree(mechanism, [joint.name for joint in joints])
         reached = all(edge.joint in joints for edge in tree.edges)
         if not reached or sorted(names) != sorted(name for joint in joints for name in joint.coordinates):
-            nothing = np.full_like(values.array, np.nan)
-            row = answer.residual(quantity, units[0], names, nothing, 1.0, (quantity,))
-            yield replace(
-                row, reason="the components are not the joint coordinates of a spanning tree of the mechanism"
-            )
+            row = answer.residual(quantity, units[0], names, np.full_like(values.array, np.nan), 1.0, (quantity,))
+            reason = "the components are not the joint coordinates of a spanning tree of the mechanism"
+            yield replace(row, reason=reason)
             continue
         if names not in needed:
             along_joints, load = _tree_force(answer, tree, {joint.name for joint in joints})
@@ -306,14 +299,14 @@ def complete_forces(answer: Answer, required: Array) -> Answer:
 def _solve(answer: Answer, required: Array, quantity: str) -> Answer:
     """Solve the balance of all bodies for reactions or actuator forces, given the other quantity."""
     other = {"reaction": "actuator_force", "actuator_force": "reaction"}[quantity]
-    right, unknown = required.copy(), [unit for _, unit in unit_wrenches_of(answer, quantity)]
-    tree, com = answer.tree, answer.motion.com
+    right, tree, com = required.copy(), answer.tree, answer.motion.com
     for _, unit in unit_wrenches_of(answer, other):
         for body, wrench in unit.on_bodies(tree, com):
             right[:, body] -= amount(answer, other, unit) * wrench
-    columns, no_rule = wrench_columns(unknown, tree, com), np.zeros((len(right), 0, len(unknown)))
-    amounts = balance_amounts(unknown, columns, right[..., None], answer.scales["m"], no_rule)[..., 0]
-    solved = Values(tuple(unit.name for unit in unknown), tuple(unit.unit for unit in unknown), amounts)
+    units, columns = wrench_columns([part for _, part in unit_wrenches_of(answer, quantity)], tree, com)
+    no_rule = np.zeros((len(right), 0, len(units)))
+    amounts = balance_amounts(units.values(), columns, right[..., None], answer.scales["m"], no_rule)[..., 0]
+    solved = Values(tuple(units), tuple(units.values()), amounts)
     return replace(answer, values={**answer.values, quantity: solved})
 
 
@@ -349,11 +342,10 @@ def _axial(answer: Answer) -> Residuals:
     name, direction = mechanism.axial
     joint, F, sizes = mechanism.joint(name), np.zeros((len(answer.t), 3)), []
     for quantity, unit in unit_wrenches_of(answer, "reaction"):
-        for act in unit.acts:
-            force = amount(answer, quantity, unit) * act.force
-            sizes.append(largest(force))
-            if act.joint is joint:
-                F += force
+        force = amount(answer, quantity, unit) * unit.force
+        sizes.append(largest(force))
+        if unit.joint is joint:
+            F += force
     i = mechanism.body_index[joint.child]  # 0 for ground, which is not among the moving bodies
     line = answer.motion.bodies.R[:, i - 1] @ direction if i else np.tile(direction, (len(answer.t), 1))
     names = [f"{name}.f{axis}" for axis in "xyz"]
@@ -399,7 +391,7 @@ def _balance(answer: Answer) -> tuple[Array, float] | None:
 
 def energies(answer: Answer) -> tuple[Array, Array, Array]:
     """Return kinetic energy, and potential energies of gravity and springs [J]. Shape (n,) each."""
-    gravity = -(answer.motion.com.p @ answer.applied.g) @ answer.tree.matter.mass
+    gravity = -(answer.motion.com.p @ answer.applied.g) @ answer.tree.mass
     springs = spring_energy(answer.tree, answer.motion, answer.q, answer.applied)
     rotors = 0.5 * answer.states.qd**2 @ answer.mechanism.rotors
     return kinetic_energy(answer.motion) + rotors, gravity, springs

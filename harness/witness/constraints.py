@@ -97,34 +97,16 @@ def coupling_rows(tree: SpanningTree, q: Array) -> Array:
     return rows
 
 
-@dataclass(frozen=True, eq=False)
-class ConstraintEquations:
-    """Constraint equations of a tree at zero accelerations: closures, then couplings."""
-
-    tree: SpanningTree
-    states: TreeStates
-    motion: TreeMotion
-
-    @cached_property
-    def gap(self) -> Array:
-        """Constraint residuals [m or rad]. Shape (n, m)."""
-        return residual(self.tree, self.states, self.motion)
-
-    @cached_property
-    def rows(self) -> Array:
-        """Rates of the gaps per unit velocity. Shape (n, m, n_freedom)."""
-        return constraint_rows(self.tree, self.motion, self.states.q)
-
-    @cached_property
-    def bias(self) -> Array:
-        """Second derivative of the gaps, Jdot v; a weld's rotation counts as closed. Shape (n, m)."""
-        return residual(self.tree, self.states, self.motion, 2)
+def gaps_and_rows(tree: SpanningTree, states: TreeStates) -> tuple[Array, Array]:
+    """Return all gaps [m or rad], shape (n, m), and their rates per unit velocity, (n, m, n_freedom)."""
+    motion = move(tree, states)
+    return residual(tree, states, motion), constraint_rows(tree, motion, states.q)
 
 
-def equations(tree: SpanningTree, states: TreeStates) -> ConstraintEquations:
-    """Build the equations of all closures and couplings."""
+def gap_bias(tree: SpanningTree, states: TreeStates) -> Array:
+    """Return the second derivative of all gaps, Jdot v; a weld's rotation counts as closed. Shape (n, m)."""
     states = replace(states, qdd=np.zeros_like(states.qdd))
-    return ConstraintEquations(tree, states, move(tree, states))
+    return residual(tree, states, move(tree, states), 2)
 
 
 def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: int = 0) -> Array:
@@ -168,18 +150,18 @@ def close_loops(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDA
     """
     q, length, todo = states.q.copy(), max(tree.length, 1.0), np.arange(len(states.q))
     for _ in range(STEPS):
-        at = equations(tree, replace(states.at(todo), q=q[todo]))
-        far = np.abs(at.gap).max(axis=1, initial=0.0) > 0.01 * CLOSED * length
+        gap, rows = gaps_and_rows(tree, replace(states.at(todo), q=q[todo]))
+        far = np.abs(gap).max(axis=1, initial=0.0) > 0.01 * CLOSED * length
         if not far.any():
             break
         todo = todo[far]
-        q[todo] = move_joints(tree, q[todo], newton_step(at.rows[far], at.gap[far]))
-    at = equations(tree, replace(states, q=q))
-    fits = np.abs(at.gap).max(axis=1, initial=0.0) <= CLOSED * length
-    there, rows = replace(states, q=q).at(fits), at.rows[fits]
+        q[todo] = move_joints(tree, q[todo], newton_step(rows[far], gap[far]))
+    gap, rows = gaps_and_rows(tree, replace(states, q=q))
+    fits = np.abs(gap).max(axis=1, initial=0.0) <= CLOSED * length
+    there, rows = replace(states, q=q).at(fits), rows[fits]
     back = np.linalg.pinv(rows, rcond=DEPENDENT)
     there = replace(there, qd=there.qd - (back @ (rows @ there.qd[..., None]))[..., 0])
-    rest = rows @ there.qdd[..., None] + equations(tree, there).bias[..., None]
+    rest = rows @ there.qdd[..., None] + gap_bias(tree, there)[..., None]
     return replace(there, qdd=there.qdd - (back @ rest)[..., 0]), fits
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.reference.rotations import Array, cross, lanes, quaternion_rotation, skew, times
 from screwgauge.witness.kinematics import TreeMotion, move, unit_twists
-from screwgauge.witness.tree import FREEDOMS, MassProperties, SpanningTree, TreeStates
+from screwgauge.witness.tree import FREEDOMS, SpanningTree, TreeStates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,27 +34,27 @@ class NewtonEulerTerms:
         return total
 
 
-def newton_euler(matter: MassProperties, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEulerTerms:
+def newton_euler(tree: SpanningTree, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEulerTerms:
     """Compute Newton-Euler terms from bodies' orientation, angular motion and acceleration of the centre of mass.
 
     Args:
         g: Gravity, common or for each body [m/s^2]. Shape (3,) or (m, 3).
     """
-    inertial = lanes(len(R), len(matter.mass), 6)
-    inertial[..., :3], inertial[..., 3:] = matter.mass[:, None] * a, momentum(matter, R, b)
-    return NewtonEulerTerms(inertial, -matter.mass[:, None] * g, cross(w, momentum(matter, R, w)))
+    inertial = lanes(len(R), len(tree.mass), 6)
+    inertial[..., :3], inertial[..., 3:] = tree.mass[:, None] * a, momentum(tree, R, b)
+    return NewtonEulerTerms(inertial, -tree.mass[:, None] * g, cross(w, momentum(tree, R, w)))
 
 
-def momentum(matter: MassProperties, R: Array, w: Array) -> Array:
+def momentum(tree: SpanningTree, R: Array, w: Array) -> Array:
     """Return the angular momentum ``R J R^T w`` about the centre of mass. Shape (n, m, 3)."""
-    return times(R, times(matter.inertia[None], times(R.swapaxes(-1, -2), w)))
+    return times(R, times(tree.inertia[None], times(R.swapaxes(-1, -2), w)))
 
 
 def kinetic_energy(motion: TreeMotion) -> Array:
     """Return the kinetic energy of all bodies [J]. Shape (n,)."""
-    matter, com = motion.tree.matter, motion.com
-    turning = np.sum(com.w * momentum(matter, com.R, com.w), axis=(1, 2))
-    return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ matter.mass + turning))
+    tree, com = motion.tree, motion.com
+    turning = np.sum(com.w * momentum(tree, com.R, com.w), axis=(1, 2))
+    return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ tree.mass + turning))
 
 
 def project_forces(motion: TreeMotion, wrenches: Array) -> Array:
@@ -92,10 +92,10 @@ def mass_matrix(motion: TreeMotion) -> Array:
 
 def _inertia_at_origin(motion: TreeMotion) -> Array:
     """Return each body's inertia about the world origin: twist -> angular momentum and momentum. (n, n_body, 6, 6)."""
-    matter, com = motion.tree.matter, motion.com
-    C, m = skew(com.p), matter.mass[:, None, None]
+    tree, com = motion.tree, motion.com
+    C, m = skew(com.p), tree.mass[:, None, None]
     out = np.empty((*com.p.shape[:2], 6, 6))
-    out[..., :3, :3] = com.R @ matter.inertia @ np.swapaxes(com.R, -1, -2) - m * (C @ C)
+    out[..., :3, :3] = com.R @ tree.inertia @ np.swapaxes(com.R, -1, -2) - m * (C @ C)
     out[..., :3, 3:] = m * C
     out[..., 3:, :3] = -m * C
     out[..., 3:, 3:] = m * np.eye(3)
@@ -154,7 +154,7 @@ def inverse_dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion 
 
 def _needed(motion: TreeMotion) -> NewtonEulerTerms:
     tree, com = motion.tree, motion.com
-    return newton_euler(tree.matter, com.R, com.w, com.b, com.a, np.reshape(tree.weight, (-1, 1)) * tree.gravity)
+    return newton_euler(tree, com.R, com.w, com.b, com.a, np.reshape(tree.weight, (-1, 1)) * tree.gravity)
 
 
 def _entry(tree: SpanningTree, name: str) -> Array:

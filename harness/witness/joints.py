@@ -17,7 +17,6 @@ from screwgauge.reference.rotations import Array
 from screwgauge.witness.tree import (
     FixedFrame,
     LoopConstraint,
-    MassProperties,
     SpanningTree,
     TreeLink,
     coupled_column,
@@ -98,7 +97,9 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
         links=tuple(links),
         freedom=len(column),
         bodies=stack_frames([at[body.name] for body in mechanism.bodies]),
-        matter=matter(mechanism),
+        mass=mechanism.masses,
+        com=mechanism.mass_centres,
+        inertia=mechanism.inertias,
         closures=closures,
         couplings={one.name: coupled_column(column, one.coordinate, one.function) for one in mechanism.couplings},
         length=length,
@@ -124,10 +125,14 @@ def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> t
             near, far = joint.bodies[:: -1 if joint.child == GROUND else 1]
             ends.append(far)
             frames.append(_append_links(links, mechanism, joint, at[near], reverse=near == joint.child))
-    rows, whole = [number[name] for name in ends], matter(mechanism)
+    rows = [number[name] for name in ends]
     shares = np.array([1.0 / ends.count(name) for name in ends])
-    parts = MassProperties(shares * whole.mass[rows], whole.com[rows], shares[:, None, None] * whole.inertia[rows])
-    tree = SpanningTree(tuple(links), len(mechanism.coordinates), stack_frames(frames), parts)
+    parts = (
+        shares * mechanism.masses[rows],
+        mechanism.mass_centres[rows],
+        shares[:, None, None] * mechanism.inertias[rows],
+    )
+    tree = SpanningTree(tuple(links), len(mechanism.coordinates), stack_frames(frames), *parts)
     return tree, rows, shares
 
 
@@ -154,10 +159,3 @@ def _append_links(
         links.append(TreeLink(kind, at, axis, column, column, sign=-1.0 if reverse else 1.0))
         at = FixedFrame(len(links))
     return at.placed(end.R.T, -end.R.T @ end.p)
-
-
-def matter(mechanism: Mechanism) -> MassProperties:
-    """Read the mass properties of the bodies."""
-    return MassProperties(
-        *(np.array([getattr(body, name) for body in mechanism.bodies]) for name in ("mass", "com", "inertia"))
-    )

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.reference.rotations import Array, cross, product, quaternion_rotation, skew, times
-from screwgauge.witness.tree import FREEDOMS, FixedFrames, Rows, SpanningTree, TreeStates
+from screwgauge.witness.tree import FREEDOMS, FixedFrame, Rows, SpanningTree, TreeStates
 
 #: Number of links times samples processed at once.
 AT_ONCE = 16384
@@ -44,12 +44,12 @@ class Moving:
         """Select frames."""
         return Moving(*(getattr(self, name)[:, some] for name in "Rpwvba"))
 
-    def poses(self, at: FixedFrames) -> tuple[Array, Array]:
+    def poses(self, at: FixedFrame) -> tuple[Array, Array]:
         """Return orientation and origin of fixed frames. Shapes (n, k, 3, 3), (n, k, 3)."""
         R = pick_links(self.R, at.link)
         return turn_frames(R, at.R), pick_links(self.p, at.link) + times(R, at.p)
 
-    def frames(self, at: FixedFrames) -> Moving:
+    def frames(self, at: FixedFrame) -> Moving:
         """Return the motion of fixed frames."""
         some = Moving(*(pick_links(getattr(self, name), at.link) for name in "Rpwvba"))
         there = some.shifted(times(some.R, at.p))
@@ -88,14 +88,14 @@ class TreeMotion:
     def com(self) -> Moving:
         """Motion of the bodies at their centres of mass."""
         at = self.tree.bodies
-        return self.links.frames(at._replace(p=at.p + (at.R @ self.tree.matter.com[..., None])[..., 0]))
+        return self.links.frames(at._replace(p=at.p + (at.R @ self.tree.com[..., None])[..., 0]))
 
     @cached_property
     def closures(self) -> Moving:
         """Motion of the first frames of all closures, then of the second frames."""
         return self.links.frames(self.tree.ends)
 
-    def jacobian(self, frames: FixedFrames, points: Array) -> Array:
+    def jacobian(self, frames: FixedFrame, points: Array) -> Array:
         """Return angular velocity, then velocity of a point, of each frame per unit velocity.
 
         Args:

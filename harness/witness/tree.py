@@ -28,9 +28,9 @@ FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
 
 class FixedFrame(NamedTuple):
-    """A frame fixed to a link; link 0 is the ground. `R` has shape (3, 3), and `p` [m] has shape (3,)."""
+    """One frame fixed to a link, or a stack of them; link 0 is the ground. Shapes (...), (..., 3, 3), (..., 3) [m]."""
 
-    link: int = 0
+    link: Any = 0
     R: Array = np.eye(3)
     p: Array = np.zeros(3)
 
@@ -39,18 +39,10 @@ class FixedFrame(NamedTuple):
         return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
 
 
-class FixedFrames(NamedTuple):
-    """Stack of fixed frames. Shapes (m,), (m, 3, 3), (m, 3)."""
-
-    link: Rows
-    R: Array
-    p: Array
-
-
-def stack_frames(frames: Sequence[FixedFrame]) -> FixedFrames:
-    """Stack frames."""
+def stack_frames(frames: Sequence[FixedFrame]) -> FixedFrame:
+    """Stack single frames. Shapes (m,), (m, 3, 3), (m, 3)."""
     R, p = (np.array([getattr(each, name) for each in frames], dtype=float) for name in "Rp")
-    return FixedFrames(np.array([each.link for each in frames], dtype=np.intp), R.reshape(-1, 3, 3), p.reshape(-1, 3))
+    return FixedFrame(np.array([each.link for each in frames], dtype=np.intp), R.reshape(-1, 3, 3), p.reshape(-1, 3))
 
 
 class TreeLink(NamedTuple):
@@ -93,18 +85,6 @@ def coupled_column(columns: Mapping[str, tuple[int, int]], coordinate: str, func
     return *columns[coordinate], function.constant, leads
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MassProperties:
-    """Mass [kg], centre of mass [m] and inertia about the centre of mass [kg m^2] of bodies, in body axes.
-
-    Shapes (m,), (m, 3), (m, 3, 3).
-    """
-
-    mass: Array
-    com: Array
-    inertia: Array
-
-
 @dataclass(frozen=True, eq=False)
 class SpanningTree:
     """A tree of links.
@@ -113,7 +93,8 @@ class SpanningTree:
         links: Links, each after its parent; numbered from 1.
         freedom: Number of velocities.
         bodies: Frames of the bodies.
-        matter: Mass properties of the bodies.
+        mass, com, inertia: Mass [kg], centre of mass [m] and inertia about it [kg m^2] of each body, in its axes.
+            Shapes (n_body,), (n_body, 3), (n_body, 3, 3).
         closures, couplings: Constraints by name.
         gravity: Gravity [m/s^2]. Shape (3,).
         weight: Share of gravity that acts on each body. Shape (n_body,) or a number.
@@ -124,8 +105,10 @@ class SpanningTree:
 
     links: tuple[TreeLink, ...]
     freedom: int
-    bodies: FixedFrames
-    matter: MassProperties
+    bodies: FixedFrame
+    mass: Array
+    com: Array
+    inertia: Array
     closures: Mapping[str, LoopConstraint] = field(default_factory=dict)
     couplings: Mapping[str, Coupled] = field(default_factory=dict)
     gravity: Array = field(default_factory=lambda: np.zeros(3))
@@ -134,7 +117,7 @@ class SpanningTree:
     length: float = 1.0
 
     @cached_property
-    def starts(self) -> FixedFrames:
+    def starts(self) -> FixedFrame:
         """Frames of all joints on the preceding links."""
         return stack_frames([link.start for link in self.links])
 
@@ -154,7 +137,7 @@ class SpanningTree:
         return own, columns, velocities, np.array([link.zero for link in links]), axes, turns
 
     @cached_property
-    def ends(self) -> FixedFrames:
+    def ends(self) -> FixedFrame:
         """First frames of all closures, then their second frames."""
         closures = self.closures.values()
         return stack_frames([each.first for each in closures] + [each.second for each in closures])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -22,60 +22,58 @@ from screwgauge.witness.tree import TreeStates, stack_frames
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Act:
+class JointWrench:
     """Wrench of a joint's parent on its child.
 
     Attributes:
-        force, moment: Force and moment in world axes; one of them is zero. Shape (n, 3), or (3,) if zero.
+        name, unit: Component of a reaction or an actuator force, or coordinate, along which it acts; N or N m.
+        force, moment: In world axes, one of them zero. Shape (n, 3), or (3,) for zero.
         point: Point of application [m]. Shape (n, 3).
     """
 
+    name: str
+    unit: str
     joint: Joint
     force: Array
     moment: Array
     point: Array
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class UnitWrench:
-    """A unit force or moment of a joint, or of a coupling, which acts on several joints.
-
-    Attributes:
-        name: Name of a reaction component or an actuator.
-        unit: N or N m.
-    """
-
-    name: str
-    unit: str
-    acts: tuple[Act, ...]
-
     def on_bodies(self, tree: MechanismTree, com: Moving) -> Iterator[tuple[int, Array]]:
-        """Yield each body acted on, except ground, and the force, then moment about the centre of mass. (n, 6)."""
-        for act in self.acts:
-            for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
-                body = tree.mechanism.body_index[side] - 1
-                if body >= 0:
-                    wrench, arm = lanes(len(act.point), 6), act.point - com.p[:, body]
-                    wrench[:, :3], wrench[:, 3:] = sign * act.force, sign * (act.moment + cross(arm, act.force))
-                    yield body, wrench
+        """Yield the bodies acted on, except ground, with force, then moment about the centre of mass. Shape (n, 6)."""
+        for side, sign in ((self.joint.child, 1.0), (self.joint.parent, -1.0)):
+            body = tree.mechanism.body_index[side] - 1
+            if body >= 0:
+                wrench, arm = lanes(len(self.point), 6), self.point - com.p[:, body]
+                wrench[:, :3], wrench[:, 3:] = sign * self.force, sign * (self.moment + cross(arm, self.force))
+                yield body, wrench
 
 
-def wrench_columns(units: Sequence[UnitWrench], tree: MechanismTree, com: Moving) -> Array:
-    """Return the effect of unit wrenches on each body. Shape (n, n_body, 6, m)."""
+def wrench_columns(parts: Sequence[JointWrench], tree: MechanismTree, com: Moving) -> tuple[dict[str, str], Array]:
+    """Return the components of unit wrenches with their units, and the effect of each on each body.
+
+    Args:
+        parts: Unit wrenches; those of a coupling, on several joints, have the same name.
+
+    Returns:
+        Component -> N or N m; and force, then moment about the centre of mass. Shape (n, n_body, 6, m).
+    """
     n, b = com.p.shape[:2]
+    units = {part.name: part.unit for part in parts}
+    column = {name: k for k, name in enumerate(units)}
     columns = np.zeros((n, b, 6, len(units)))
-    for k, unit in enumerate(units):
-        for body, wrench in unit.on_bodies(tree, com):
-            columns[:, body, :, k] += wrench
-    return columns
+    for part in parts:
+        for body, wrench in part.on_bodies(tree, com):
+            columns[:, body, :, column[part.name]] += wrench
+    return units, columns
 
 
-def balance_amounts(units: Sequence[UnitWrench], columns: Array, need: Array, length: float, rules: Array) -> Array:
+def balance_amounts(units: Iterable[str], columns: Array, need: Array, length: float, rules: Array) -> Array:
     """Solve for multiples of unit wrenches that supply required wrenches, in the minimum-norm least-squares sense.
 
     Equations and unknowns are scaled to forces: moments are divided by a length.
 
     Args:
+        units: Unit of each component, N or N m.
         columns: Effects from `wrench_columns`. Shape (n, n_body, 6, m).
         need: Required wrenches on the bodies in p cases. Shape (n, n_body, 6, p).
         length: Length that converts moments to forces [m].
@@ -86,13 +84,13 @@ def balance_amounts(units: Sequence[UnitWrench], columns: Array, need: Array, le
     """
     n, b, _, p = need.shape
     rows = np.tile([1.0, 1.0, 1.0, length, length, length], b)[:, None]
-    size = np.array([length if unit.unit == "N m" else 1.0 for unit in units])
+    size = np.array([length if unit == "N m" else 1.0 for unit in units])
     system = np.concatenate([columns.reshape(n, 6 * b, -1) / rows, rules], axis=1) * size
     right = np.concatenate([need.reshape(n, 6 * b, p) / rows, np.zeros((n, rules.shape[1], p))], axis=1)
     return np.asarray(linear.solve(system, right) * size[:, None])
 
 
-def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[UnitWrench]:
+def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[JointWrench]:
     """Yield unit wrenches of all components of ``reaction``, couplings last, or of ``actuator_force``.
 
     Args:
@@ -110,35 +108,33 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
             parts = {driven[joint]: ("m" if joint.angles else "f", times(far, joint.axes[0]))}
         for name, (kind, along) in parts.items():
             pushes = kind == "f"
-            act = Act(joint, along if pushes else none, none if pushes else along, point)
-            yield UnitWrench(name, "N" if pushes else "N m", (act,))
+            force, moment = (along, none) if pushes else (none, along)
+            yield JointWrench(name, "N" if pushes else "N m", joint, force, moment, point)
     if quantity == "reaction":
         yield from _of_couplings(tree, motion, q)
     elif held_names := mechanism.actuator_names[len(driven) :]:
-        one, units = np.ones(len(q)), mechanism.actuator_units[len(driven) :]
-        for name, unit in zip(held_names, units, strict=True):
-            yield UnitWrench(name, unit, (coordinate_act(tree, motion, q, name, one),))
+        yield from (coordinate_wrench(tree, motion, q, name, np.ones(len(q))) for name in held_names)
 
 
-def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:
+def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[JointWrench]:
     """Yield powerless wrenches of couplings: 1 along the coordinate, minus the slope along each other coordinate."""
     rows, mechanism = coupling_rows(tree, q), tree.mechanism
     for k, one in enumerate(mechanism.couplings):
         names = one.named
         unit = "N m" if mechanism.units[mechanism.columns(names)[0]] == "rad" else "N"
         shares = zip(names, rows[:, k, mechanism.columns(names)].T, strict=True)
-        yield UnitWrench(component_name(one), unit, tuple(coordinate_act(tree, motion, q, *share) for share in shares))
+        for share in shares:
+            yield replace(coordinate_wrench(tree, motion, q, *share), name=component_name(one), unit=unit)
 
 
-def coordinate_act(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
+def coordinate_wrench(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> JointWrench:
     """Return a force along a coordinate that does no work on the joint's others; `amount` has shape (n,)."""
     joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(tree, motion, joint)
-    force, moment = (
-        amount[:, None] * part
-        for part in force_along(joint, coordinate, near, q[:, tree.mechanism.columns(joint.coordinates)])
-    )
-    return Act(joint, force, moment, point)
+    unit = force_along(joint, coordinate, near, q[:, tree.mechanism.columns(joint.coordinates)])
+    force, moment = (amount[:, None] * part for part in unit)
+    turns = joint.freedoms[joint.coordinates.index(coordinate)][0]
+    return JointWrench(coordinate, "N m" if turns else "N", joint, force, moment, point)
 
 
 def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
@@ -226,7 +222,7 @@ def exerted_wrenches(
         for one in (mechanism.resistances if resist is None else resist)
     )
     for each in (*_joint_forces(mechanism, states, t, applied), *resisting):
-        act = coordinate_act(tree, motion, states.q, *each)
+        act = coordinate_wrench(tree, motion, states.q, *each)
         for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
             if (i := index[side] - 1) >= 0:
                 yield i, sign * act.force, sign * act.moment, act.point - com.p[:, i]
@@ -269,7 +265,7 @@ def exerted_on_bodies(
     resist: Sequence[Resistance] | None = None,
 ) -> Array:
     """Return the sum of `exerted_wrenches` on each body, with moments about the centre of mass. (n, n_body, 6)."""
-    total = np.zeros((len(t), len(tree.matter.mass), 6))
+    total = np.zeros((len(t), len(tree.mass), 6))
     for body, force, moment, arm in exerted_wrenches(tree, motion, states, t, applied, resist):
         total[:, body, :3] += force
         total[:, body, 3:] += moment + cross(arm, np.broadcast_to(force, arm.shape))

@@ -13,7 +13,7 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ClosureError, first_few
 from screwgauge.reference.linear import EPS, ROUNDED
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.constraints import equations, move_joints
+from screwgauge.witness.constraints import gaps_and_rows, move_joints
 from screwgauge.witness.tree import TreeStates
 
 #: Number of Newton starts near home, and their largest distance from home [rad or lengths of the model]; every second
@@ -341,8 +341,8 @@ class Loops:
 
     def _system(self, q: Array) -> tuple[Array, Array]:
         rest, unit = np.zeros((1, len(self.size))), np.concatenate([np.zeros(0), *self.units.values()])
-        at = equations(self.tree, TreeStates(q[None], rest, rest))
-        return at.gap[0] / unit, at.rows[0] / unit[:, None] * self.size * self.free
+        (gap,), (rows,) = gaps_and_rows(self.tree, TreeStates(q[None], rest, rest))
+        return gap / unit, rows / unit[:, None] * self.size * self.free
 
     def stepped(self, q: Array, step: Array) -> Array:
         """Return the coordinates after a dimensionless step, shape (n_freedom,), along all velocities."""

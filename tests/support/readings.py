@@ -15,6 +15,6 @@ from screwgauge.models.readings.reading import (
     collapse,
 )
 from screwgauge.models.readings.source import by_name, in_file, prepare
-from screwgauge.witness.constraints import closure_gaps, closure_rows, equations, move_joints
+from screwgauge.witness.constraints import closure_gaps, closure_rows, gap_bias, gaps_and_rows, move_joints
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates

@@ -75,6 +75,6 @@ def passive_regressor(tree: ReadingTree, states: TreeStates) -> dict[str, Array]
 
 
 def gravity_regressor(tree: ReadingTree, motion: TreeMotion) -> Array:
-    share = -(tree.weight * tree.matter.mass)
+    share = -(tree.weight * tree.mass)
     rates = motion.jacobian(tree.bodies, motion.com.p)[:, :, 3:]
     return np.asarray(np.einsum("b,nbkj->njk", share, rates))
