@@ -19,6 +19,28 @@ GIVEN_MOTIONS = [name for name in scene_names() if not load_scene(name).simulate
 #: All that it gives.
 ASKED = [name for name, one in TABLE.items() if one.of != "observable" and name not in ENGINES["lagrange"].lacks]
 
+CART = """
+name = "cart"
+independent.x = "rail"
+[bodies]
+cart = { mass = 1.0, inertia = { xx = 0.1, yy = 0.1, zz = 0.1 } }
+[joints]
+rail = { kind = "P", parent = "ground", child = "cart", axes = [[1, 0, 0]], actuated = true }
+"""
+#: The cart passes the fixed end of its spring at the second sample.
+MET = """
+mechanism = "cart.toml"
+motion.x.polynomial = [0, 1]
+time.times = [0, 1, 2]
+[[springs]]
+first = "ground"
+first_point = [1, 0, 0]
+second = "cart"
+second_point = [0, 0, 0]
+stiffness = 3.0
+rest = 0.5
+"""
+
 
 def compared(scene, quantities=ASKED, engines=("screw", "lagrange")):
     results = screwgauge.run(scene, engines=engines, quantities=quantities)
@@ -122,3 +144,11 @@ def test_a_motion_beyond_reach_is_refused_where_screw_refuses_it():
             ask(name, model_files("3-rps", name), problem)
         said.append(float(re.search(r"y = \[(\S+?),? ", str(error.value))[1]))
     assert said[1] == pytest.approx(said[0], abs=1e-3)
+
+
+def test_a_spring_whose_ends_meet_at_one_sample_has_no_direction(write):
+    write("cart.toml", CART)
+    scene = screwgauge.load_scene(write("scene.toml", MET))
+    failure = screwgauge.run(scene, engines=["lagrange"], quantities=["generalized_force"]).failures["lagrange"]
+    assert "spring" in failure.reason
+    assert screwgauge.run(scene.at([0.0, 2.0]), engines=["lagrange"], quantities=["generalized_force"]).ok

@@ -56,3 +56,24 @@ def test_continuation_asks_for_most_poses_once(n):
     z = path.follow(y, np.arange(float(n)))[0]
     assert np.abs(z[:, 0] - np.sin(y[:, 0])).max() < 1e-15
     assert sum(asked) < 1.7 * n
+
+
+def square_root(z, y):
+    """Residuals of ``(w1 + i w2)^2 = z1 + i z2`` and ``z = y``, whose two branches exchange around the origin."""
+    a, b, u, v = z.T
+    J = np.zeros((len(z), 4, 4))
+    J[:, 0, 0] = J[:, 1, 1] = -1.0
+    J[:, 0, 2], J[:, 0, 3], J[:, 1, 2], J[:, 1, 3] = 2.0 * u, -2.0 * v, 2.0 * v, 2.0 * u
+    J[:, 2, 0] = J[:, 3, 1] = 1.0
+    return np.stack([u * u - v * v - a, 2.0 * u * v - b, *(z[:, :2] - y).T], axis=1), J
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_motion_that_returns_on_the_other_branch_stays_there(known):
+    """After two rounds the anchors of both branches are known, and none has to be added between their samples."""
+    t = np.arange(0.0, 8.0 * np.pi, 0.2)
+    y, w = (np.stack([np.cos(angle), np.sin(angle)], axis=1) for angle in (t, 0.5 * t))
+    home = np.concatenate([y[0], w[0]]), y[0]
+    path = Continuation(square_root, home, (np.zeros(4, bool), np.zeros(2, bool)), np.ones(2))
+    rates = (np.stack([-y[:, 1], y[:, 0]], axis=1), -y) if known else None
+    assert np.abs(path.follow(y, t, rates)[0][:, 2:] - w).max() < 1e-12
