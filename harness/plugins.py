@@ -47,14 +47,14 @@ requires on each body (Newton-Euler equations) from its `Matter`, which `matter_
 `solve_constrained` solves a problem with it, for all quantities except tree forces, and estimates their errors; an
 engine that also has an integrator is a `Stepped`, which `solve_stepwise` uses. `temporary` changes settings of a
 library within a context. `solve_constrained` consists of these parts: `Closing` follows a motion from the assembly mode
-of the home pose by the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations (`Accelerated`) and
-forces; `min_norm` and `along_line` are the rules for redundant actuators, `axial_line` returns the line for
-`along_line`; `idle_accelerations` computes the accelerations of the `idle` coordinates of a `GivenMotion`, which no
-actuator drives; `unit_wrenches` and `joint_wrenches` are the wrenches that joints exert, from their multipliers;
-`reactions` returns components of wrenches at joints; `motion_values`, `force_values` and `inertia_values` return the
-quantities, and `per_actuator` computes the `jacobian`. An engine whose unknowns are all joint coordinates follows the
-`Branch` of poses that begins at the home pose and estimates its errors; `worst_of` merges condition numbers of
-quantities by their maximum (`ACCELERATED` names the quantities that depend on accelerations).
+of the home pose by the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations and forces; `min_norm` and
+`along_line` are the rules for redundant actuators, `axial_line` returns the line for `along_line`; `idle_accelerations`
+computes the accelerations of the `idle` coordinates of a `GivenMotion`, which no actuator drives; `unit_wrenches` and
+`joint_wrenches` are the wrenches that joints exert, from their multipliers; `reactions` returns components of wrenches
+at joints; `motion_values`, `force_values` and `inertia_values` return the quantities, and `per_actuator` computes the
+`jacobian`. An engine whose unknowns are all joint coordinates follows the `Branch` of poses that begins at the home
+pose and estimates its errors; `worst_of` merges condition numbers of quantities by their maximum (`ACCELERATED` names
+the quantities that depend on accelerations).
 
 **Errors.** Raise a `ScrewgaugeError` that says what is wrong, where, and what to do: `ModelFileError` (the model lacks
 content that the engine needs, or contains something that the engine does not support), `DescriptionError`,
@@ -82,7 +82,7 @@ from screwgauge.engines.error_estimate import ACCELERATED, SolvedPart, worst_of
 from screwgauge.engines.kit.acting import acting, along_joints, load_point, resistance
 from screwgauge.engines.kit.answers import answer, force_values, inertia_values, motion_values, temporary
 from screwgauge.engines.kit.branch import Branch
-from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
+from screwgauge.engines.kit.closing import ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.constrained import Constrained, solve_constrained
 from screwgauge.engines.kit.newton_euler import Matter, matter_of, required_wrenches, summed_inwards
 from screwgauge.engines.kit.poses import (
@@ -148,7 +148,6 @@ __all__ = [
     "GRAVITY",
     "GROUND",
     "OF_MOTION",
-    "Accelerated",
     "Applied",
     "Array",
     "Body",

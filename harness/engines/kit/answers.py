@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.engines.chunks import assemble
 from screwgauge.engines.error_estimate import SolvedPart
 from screwgauge.engines.kit.acting import resistance
-from screwgauge.engines.kit.closing import Accelerated, ClosedMotion
+from screwgauge.engines.kit.closing import ClosedMotion
 from screwgauge.engines.kit.poses import com_accelerations
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
 from screwgauge.quantities import described, length
@@ -38,32 +38,32 @@ def temporary(owner: Any, **values: Any) -> Iterator[None]:
             setattr(owner, name, value)
 
 
-def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelerated | None = None) -> dict[str, Array]:
-    """Return the requested velocities, or the accelerations and resistances if `moved` is given."""
+def motion_values(wanted: Collection[str], closed: ClosedMotion, A: Array | None = None) -> dict[str, Array]:
+    """Return the requested velocities, or those of acceleration if accelerations A of the bodies are given."""
     n, V = len(closed.x), closed.V
     known: dict[str, Callable[[], Array]] = {
         "joint_velocity": lambda: closed.qd,
         "body_angular_velocity": lambda: V[:, 1:, :3].reshape(n, -1),
     }
-    if moved is not None:
-        A = moved.bodies
+    if A is not None:
+        qdd = closed.joints.accelerations(V, A)
         known = {
-            "joint_acceleration": lambda: moved.q,
+            "joint_acceleration": lambda: qdd,
             "body_angular_acceleration": lambda: A[:, 1:, :3].reshape(n, -1),
             "com_acceleration": lambda: com_accelerations(closed.mechanism, closed.at.R, V, A).reshape(n, -1),
-            "resistance": lambda: resistance(closed.mechanism.joints, closed.qd, moved.q),
+            "resistance": lambda: resistance(closed.mechanism.joints, closed.qd, qdd),
         }
     return {name: value() for name, value in known.items() if name in wanted}
 
 
-def force_values(closed: ClosedMotion, moved: Accelerated, Q: Array, f: Array, along: Array) -> dict[str, Array]:
+def force_values(closed: ClosedMotion, qdd: Array, Q: Array, f: Array, along: Array) -> dict[str, Array]:
     """Return the quantities of forces except reactions.
 
     Args:
         Q, f: Generalised forces, and actuator forces. Shapes (n, k), (n, n_actuator).
         along: Forces of motors, springs and losses along the joint coordinates, see `along_joints`. Shape (n, n_q).
     """
-    moments = along - closed.mechanism.rotors * moved.q
+    moments = along - closed.mechanism.rotors * qdd
     moments[:, closed.mechanism.actuated_columns] += f
     return {"generalized_force": Q, "actuator_force": f, "axis_moment": moments}
 

@@ -45,21 +45,6 @@ Place = Callable[[Array], Placement]
 """Coordinates of an engine, shape (n, n_x), -> poses and gaps."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Accelerated:
-    """Second derivatives of a closed motion.
-
-    Attributes:
-        x: Second derivatives of the engine's coordinates. Shape (n, n_x).
-        bodies: Accelerations of the bodies, angular, then of their origins. Shape (n, n_body + 1, 6).
-        q: Second derivatives of the joint coordinates. Shape (n, n_q).
-    """
-
-    x: Array
-    bodies: Array
-    q: Array
-
-
 @dataclass(frozen=True, eq=False)
 class ClosedMotion:
     """Samples of a given motion with closed loops.
@@ -140,21 +125,24 @@ class ClosedMotion:
     def _moved(self, rates: Array) -> Array:
         return np.asarray((self.at.T @ rates[:, None, :, None])[..., 0])
 
-    def accelerated(self, bias: Array, rest: Array, ydd: Array | None = None) -> Accelerated:
-        """Return the accelerations of x, of the bodies and of the joint coordinates.
+    def accelerations(self, bias: Array, rest: Array, ydd: Array | None = None) -> tuple[Array, Array]:
+        """Return the accelerations of x and of the bodies.
 
         Args:
             bias: Second derivative of the gaps at zero accelerations of x, ``dG/dt xd``. Shape (n, m).
             rest: Accelerations of the bodies at zero accelerations of x, ``dT/dt xd``. Shape (n, n_body + 1, 6).
             ydd: Second derivatives of the independent coordinates, by default those of the motion. Shape (n, k).
+
+        Returns:
+            Second derivatives of x, shape (n, n_x), and accelerations of the bodies, angular, then of their origins,
+            (n, n_body + 1, 6); see `JointReading.accelerations` for those of the joint coordinates.
         """
         s, tied = self.tracked, self.joints.accelerations(self.V, rest)
         coupled = bind_to(self.mechanism, s).bias(self.q[:, s], self.qd[:, s])
         given = self.task.ydd if ydd is None else ydd
         right = np.concatenate([-bias, -tied[:, s], -coupled, given], axis=1)
         xdd = (self.inverse[:, : self.x.shape[1]] @ right[..., None])[..., 0]
-        A = rest + self._moved(xdd)
-        return Accelerated(xdd, A, self.joints.accelerations(self.V, A))
+        return xdd, rest + self._moved(xdd)
 
     def generalized_forces(self, need: Array) -> Array:
         """Return the forces along the independent coordinates that supply forces along x. Shape (n, n_x) -> (n, k)."""

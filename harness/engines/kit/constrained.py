@@ -19,7 +19,7 @@ from screwgauge.engines.kit.answers import (
     inertia_values,
     motion_values,
 )
-from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
+from screwgauge.engines.kit.closing import ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.projection import idle_accelerations
 from screwgauge.engines.kit.rates import per_actuator
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions
@@ -132,16 +132,16 @@ class _PartSolver:
                 if closed.task.idle:
                     dynamics = self.engine.dynamics(closed.x, closed.xd, applied)
                 moved = self._accelerate(closed, dynamics, conditions)
-                values |= motion_values(wanted, closed, moved)
-                sizes["rush"] = np.maximum(sizes["speed"] ** 2, np.abs(moved.x / x_units).max(axis=1))
+                values |= motion_values(wanted, closed, moved[1])
+                sizes["rush"] = np.maximum(sizes["speed"] ** 2, np.abs(moved[0] / x_units).max(axis=1))
         if depth == "f" or "mass_matrix" in wanted:
             with self.clock.stage("forces"):
                 M, acting = dynamics or self.engine.dynamics(closed.x, closed.xd, applied)
                 values |= inertia_values(closed, M) if "mass_matrix" in wanted else {}
             if moved is not None:
-                terms = (M @ moved.x[..., None])[..., 0], acting
+                terms = (M @ moved[0][..., None])[..., 0], acting
                 sizes["load"] = (np.max(np.abs(terms), axis=0) * x_units).max(axis=1) / length(self.engine.mechanism)
-                values |= self._forces(closed, moved, terms[0] - acting, conditions)
+                values |= self._forces(closed, moved[1], terms[0] - acting, conditions)
         gain = closed.condition / linear.norms(closed.system)
         speed, rush, load = (sizes.get(name, 0.0) for name in ("speed", "rush", "load"))
         trust = Trust(closed.condition, gain, closed.joints.condition, conditions, speed, rush, load)
@@ -149,26 +149,26 @@ class _PartSolver:
 
     def _accelerate(
         self, closed: ClosedMotion, dynamics: tuple[Array, Array] | None, conditions: dict[str, Array]
-    ) -> Accelerated:
-        """Compute second derivatives; forces determine the accelerations of undriven coordinates.
+    ) -> tuple[Array, Array]:
+        """Compute accelerations of x and of the bodies; forces determine those of undriven coordinates.
 
         Args:
             dynamics: See `Constrained.dynamics`; needed for undriven coordinates.
         """
         bias, idle, rotors = self.engine.bias(closed.x, closed.xd), [*closed.task.idle], self.engine.mechanism.rotors
         if not idle or dynamics is None:
-            return closed.accelerated(*bias)
+            return closed.accelerations(*bias)
         ydd = closed.task.ydd.copy()
         ydd[:, idle] = 0.0
-        still, K = closed.accelerated(*bias, ydd), closed.K
-        M, acting = dynamics
-        along = along_joints(self.problem.applied, closed.task.t, closed.joints, closed.V) - rotors * still.q
-        need = (M @ still.x[..., None])[..., 0] - acting - self._project(closed, along)
+        (still, A), (M, acting), K = closed.accelerations(*bias, ydd), dynamics, closed.K
+        along = along_joints(self.problem.applied, closed.task.t, closed.joints, closed.V)
+        along -= rotors * closed.joints.accelerations(closed.V, A)
+        need = (M @ still[..., None])[..., 0] - acting - self._project(closed, along)
         Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
         B = closed.J[:, self.engine.mechanism.actuated_columns] @ K
         ydd[:, idle], condition = idle_accelerations(B, inertia(closed, M)[..., idle], Q, idle)
         conditions |= dict.fromkeys(ACCELERATED, condition)
-        return closed.accelerated(*bias, ydd)
+        return closed.accelerations(*bias, ydd)
 
     def _project(self, closed: ClosedMotion, along: Array) -> Array:
         """Transform forces along joint coordinates to x. Shape (n, n_q) -> (n, n_x)."""
@@ -181,21 +181,21 @@ class _PartSolver:
         twists, points = closed.at.T @ closed.K[:, None], self.problem.points
         return per_actuator(twists, closed.at.R, points, mechanism.body_index, B, idle=closed.task.idle)
 
-    def _forces(
-        self, closed: ClosedMotion, moved: Accelerated, need: Array, conditions: dict[str, Array]
-    ) -> dict[str, Array]:
+    def _forces(self, closed: ClosedMotion, A: Array, need: Array, conditions: dict[str, Array]) -> dict[str, Array]:
         """Return the forces and add the condition numbers of the solved systems to `conditions`.
 
         Args:
+            A: Accelerations of the bodies. Shape (n, n_body + 1, 6).
             need: Total force of constraints, actuators and joints. Shape (n, n_x).
         """
         problem, mechanism, at, rows = self.problem, self.engine.mechanism, closed.at, self.engine.rows
         ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)
         with self.clock.stage("forces"):
             along = along_joints(problem.applied, closed.task.t, closed.joints, closed.V)
-            need = need - self._project(closed, along - mechanism.rotors * moved.q)
+            qdd = closed.joints.accelerations(closed.V, A)
+            need = need - self._project(closed, along - mechanism.rotors * qdd)
             f, condition = closed.actuator_forces(need, axial_line(mechanism, at, rows) if ruled else None)
-            values = force_values(closed, moved, closed.generalized_forces(need), f, along)
+            values = force_values(closed, qdd, closed.generalized_forces(need), f, along)
         if problem.wanted & RULED:
             solved = dict.fromkeys(RULED if ruled else ("actuator_force", "axis_moment"), condition)
             conditions |= worst_of(conditions, solved)
