@@ -171,7 +171,10 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) -> Engine:
     """Build the entry of a MuJoCo port."""
     source = f"{_HERE}.mujoco.ports:load_{name}"
-    refuses = {"InitialValue": "its simulations support only soft constraints", "States": "it solves only given motions"}
+    refuses = {
+        "InitialValue": "its simulations support only soft constraints",
+        "States": "it solves only given motions",
+    }
     more: dict[str, Any] = {"extra": name, "apart": True, "precisions": precisions, "refuses": refuses}
     return Engine(name, meaning, source, _GIVEN, package, ".xml", "minimal", **more)
 
