@@ -1,7 +1,5 @@
 """Mechanisms as tests describe them: built-in ones, descriptions as text, drawn ones, and what they are made of."""
 
-from pathlib import Path
-
 from screwgauge.families.draw import families
 from screwgauge.models.catalog import (
     FOLDER,
