@@ -218,7 +218,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     scene(add)
     add("--engines", metavar="A,B", help="default: those of the scene; screw@float32 computes in float32")
-    add("--quantities", metavar="A,B", help="default: all; nothing else is computed")
+    add("--quantities", metavar="A,B", help="quantities to compute; default: all")
     add(
         "--exciting",
         action="store_true",
