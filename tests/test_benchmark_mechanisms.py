@@ -43,7 +43,6 @@ def test_kept_four_bars_are_those_written_now(n):
 
 
 def test_four_bars_are_singular_where_all_links_are_horizontal():
-    """One freedom appears for each of the N + 1 uprights."""
     lay = layout(load_mechanism("a02-fourbar-2"))
     q = np.array([[-np.pi / 2] * 3 + [np.pi / 2] * 4])
     assert np.abs(gaps(lay, q)).max() < PLACED

@@ -43,7 +43,6 @@ def motion(crank, drive=None):
 @pytest.mark.parametrize("redundant", [False, True])
 @pytest.mark.parametrize("n", [7, 400])
 def test_turns_are_counted_however_far_samples_are_apart(n, redundant):
-    """Four turns in steps of 3.6 rad, or in windows of many samples."""
     crank = np.linspace(0.3, 8.0 * np.pi, n)
     q = Branch(MECHANISM, *loop(0.1, 0.3, redundant)).follow(motion(crank))
     assert np.abs(q - closed(crank, 0.1, 0.3)).max() < CLOSED * np.abs(q).max()

@@ -72,7 +72,6 @@ def test_what_is_fixed_to_a_body_counts(tmp_path, command):
 
 
 def test_bodies_with_meshes_are_not_judged(tmp_path, command):
-    """Meshes are not read: the point may lie on one."""
     file = write(tmp_path, OPEN, INERTIAL + ROCKER + '<geom type="mesh" mesh="arm"/>')
     text = file.read_text(encoding="utf-8")
     mesh = '<asset><mesh name="arm" file="arm.stl"/></asset>'

@@ -48,7 +48,6 @@ def of_bones(y: Array, yd: Array, ydd: Array) -> Array:
 
 
 def of_belt(y: Array, yd: Array, ydd: Array) -> dict[str, Array]:
-    """A belt over the hip: shank angle = motor - 0.1."""
     hip, shank = of_bones(y + np.array([[0.0], [0.1]]), yd, ydd)
     return {"hip": hip, "motor": shank + PULLED * ydd[1], "belt.coupling": shank}
 
@@ -63,7 +62,6 @@ BELT = (
 
 
 def of_wrist(y: Array, yd: Array, ydd: Array) -> dict[str, Array]:
-    """Half sum about y, then half difference about x."""
     (a, b), (va, vb), (aa, ab) = (np.stack([x[0] + x[1], x[0] - x[1]]) / 2 for x in (y, yd, ydd))
     top, side, high = 0.04, 0.05 + 2.0 * 0.3**2, 2.0 * 0.3 * G  # zz, yy about the wrist, weight times height
     moment = side * np.cos(b) ** 2 + top * np.sin(b) ** 2
@@ -94,7 +92,6 @@ WRIST = (
 
 
 def of_cable(y: Array, yd: Array, ydd: Array, curve: float) -> dict[str, Array]:
-    """Second moment arm grows with its angle."""
     sums = np.array([[1.0, 0.0], [1.0, 1.0]])
     moments = sums.T @ of_bones(*(sums @ x for x in (y, yd, ydd)))
     arm = 0.06 + 2.0 * curve * y[1]

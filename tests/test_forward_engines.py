@@ -80,7 +80,6 @@ def test_established_problem(name, engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_loops_closed_by_welds_move_alike(engine):
-    """A Bricard rod is welded to its copy."""
     scene, known = scene_of("a04-bricard-box")
     full = model_files("a04-bricard-box", f"{engine}-full")
     found = simulate(engine, full, scene.applied, scene.start)

@@ -34,7 +34,6 @@ def foot(pitch, roll, place) -> np.ndarray:
 
 
 def cranks(pitch, roll) -> np.ndarray:
-    """Crank angles, NaN out of reach. (n, 2)."""
     angles = []
     for y, h in SIDES.values():
         heel = foot(pitch, roll, (-0.05, y, 0.0)) - [0.0, y, h]

@@ -49,7 +49,6 @@ def fall(write):
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("name", CARTS)
 def test_a_light_cart_that_darts_aside_does_not_stop_an_engine(fall, name, engine, tmp_path):
-    """Steps shrink to a millionth of the longest."""
     scene = fall(name, step=5.0)
     write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
     found = ask(engine, model_files(name, engine, tmp_path), scene.problem(MOTION))

@@ -218,7 +218,6 @@ def test_names_of_inputs_are_checked(names):
     "name", ["five-bar", "sarrus", "bennett", "3ups-upu-s", "delta", "rccc", "stewart", "slider-crank", "3-rrr"]
 )
 def test_numbers_that_cost_mobility_are_known_before_any_variant(name):
-    """Reference: the rank of the loops' differences."""
     scene = few(name)
     variants = screwgauge.compile(scene, ["joint_velocity"], parameters=["joints.*.parent.*"], backend="numpy")
     worst = gaps_open(scene, variants.names)
@@ -240,7 +239,6 @@ def test_a_planar_machine_may_be_shifted_and_tilted_as_a_whole():
 
 @pytest.mark.parametrize("name", ["3ups-upu-s", "stewart"])
 def test_derivatives_are_those_of_the_whole_program(name):
-    """Reference: complex steps through many Newton steps."""
     scene = few(name)
     motion = scene.motion
     names = ["*.mass", "*.com.z", *PLACED[name]]

@@ -33,7 +33,6 @@ def test_energy_is_the_motors_work(solved):
 
 
 def test_first_multiplier_is_the_force_between_k2_and_k3(solved):
-    """The test set's published value has 7 digits."""
     found, _ = solved
     whole = NewtonEuler(found.trajectory.rates)
     force = whole.response()[1][-1, whole.names.index("e2.fx")]

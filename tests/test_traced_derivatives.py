@@ -50,7 +50,6 @@ def test_reverse_mode_is_the_weighted_sum_of_complex_steps(traced):
 
 
 def test_derivatives_have_derivatives(traced):
-    """By forward over forward, and by reverse over forward mode."""
     inputs, outputs = traced
     rate = tangents(outputs, dict.fromkeys(inputs, 1.0))
     twice = values(inputs, tangents(rate, dict.fromkeys(inputs, 1.0)))

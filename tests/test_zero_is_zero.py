@@ -49,7 +49,6 @@ def test_a_slider_crank_at_its_dead_centre(write):
 @pytest.mark.slow
 @pytest.mark.parametrize("crank", [0.695, 0.6992, 0.69935])
 def test_reactions_that_are_zero_near_a_dead_centre_are_no_lost_digits(write, crank):
-    """Moments of a planar mechanism, at condition numbers around 50."""
     text = slider_crank([Bar(crank), Bar(0.7), Bar(0.0)], 1.5)
     results = screwgauge.run(moving(write, text, [1.5, np.pi / 2], 1.0))
     check_clear(results)
@@ -142,7 +141,6 @@ def test_a_mass_off_by_a_billionth_is_noticed(write, body):
 
 
 def test_a_small_force_among_large_ones_is_seen(write):
-    """A micronewton among weights of ten newtons."""
     scene = moving(write, slider_crank([Bar(0.2), Bar(0.7), Bar(0.0)], 0.6), [0.6], 1.0)
     right = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
     assert all(size < 1e-12 for error in right.errors.values() for size in error.absolute.values())

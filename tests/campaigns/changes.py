@@ -97,7 +97,6 @@ def pulled(k: int) -> Callable[..., Array]:
 
 
 def off(mark: Mark) -> bool:
-    """Whether it is well off the origin of the link."""
     return bool(np.linalg.norm(mark.get("position")) > 1e-3)
 
 

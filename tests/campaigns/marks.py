@@ -153,7 +153,6 @@ def joints(xml: XmlText) -> list[Mark]:
 
 
 def placements(xml: XmlText) -> list[Mark]:
-    """What holds the placement of what a joint carries, of each joint that shares it with no other."""
     if is_urdf(xml):
         return [Mark(xml, joint.element, joint.name, joint) for joint in joints(xml)]
     bodies = [(joint.element.parent, joint) for joint in joints(xml)]

@@ -77,7 +77,6 @@ def _swing(*, free: bool, dense: bool) -> float:
 
 
 def _ways(bar: FourBar) -> np.ndarray:
-    """Crank, coupler and rocker as vectors from the ground on. Shape (3, 2)."""
     crank, coupler, rocker = bar.lengths[:, None] * bar.along
     return np.array([crank, coupler, -rocker])
 

@@ -159,7 +159,6 @@ def continuous_joint() -> Evidence:
 
 
 def _turning() -> tuple[pin.Model, pin.Data, int]:
-    """A bar that turns at 2 rad/s, a right angle down, and the frame at its centre of mass."""
     tip = joint("tip", "a", kind="fixed", origin=f'xyz="{ARM} 0 0"')
     model = load_urdf(robot(link("a"), joint("a"), '<link name="tip"/>', tip))
     data = model.createData()

@@ -51,7 +51,6 @@ def by_unit(solution: Any, quantity: str, least: float = LEAST) -> Iterator[Row]
 
 
 def fact(numbers: Iterable[float], off: float) -> Fact:
-    """Numbers, or that not one digit of them is meant."""
     return Fact(tuple(map(float, numbers)), off) if math.isfinite(off) else text("no digit")
 
 

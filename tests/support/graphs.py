@@ -76,7 +76,6 @@ def described(mechanism: Mechanism, last: str = "") -> Imported:
 
 
 def sdf_of(mechanism: Mechanism, last: str = "", gravity: Sequence[float] = (0.0, 0.0, -9.81)) -> str:
-    """An SDF whose zero is the home of a mechanism; its coordinates have the names of its joints."""
     poses, sdf = poses_of(mechanism), ET.Element("sdf", version="1.9")
     world = ET.SubElement(sdf, "world", name="world")
     _text(world, "gravity", gravity)

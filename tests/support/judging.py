@@ -37,7 +37,6 @@ def compared(
 
 
 def faults(scene: Scene, solution: Solution, quantity: str, name: str) -> set[str]:
-    """Residuals by which the judge objects to an answer of which one component is off by 1e-6."""
     values = solution.values[quantity]
     array = values.array.copy()
     array[:, values.components.index(name)] += 1e-6

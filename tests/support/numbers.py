@@ -274,7 +274,6 @@ def traced(at: State, of: type[Dynamics] = Dynamics) -> tuple[Program, dict[str,
 
 
 def inputs(at: State) -> Array:
-    """What such a program takes: joint coordinates, y, yd, ydd and the time. Shape (inputs, n)."""
     return np.concatenate([at.q, at.y, at.yd, at.ydd, np.full((len(at.q), 1), T)], axis=1).T.copy()
 
 

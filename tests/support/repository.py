@@ -50,7 +50,6 @@ def worse(text: str, by: float) -> str:
 
 
 def tell(results: object) -> str:
-    """Ends its process, or never ends, in scenes of such names; pickles."""
     name = results.scene.name
     for work in (segfault, hang):
         if name == work.__name__:

@@ -166,13 +166,11 @@ def multiple_edits(numbers: Iterable[int], progress: Callable[[str, float], None
 
 
 def _turns(parts: Parts) -> bool:
-    """True for an open chain of hinges, whose torques have one unit."""
     loops = parts.root.find("equality") is not None
     return not loops and not any(parts.slides(joint) for joint in parts.joints())
 
 
 def multiple_edit(number: int, models: dict[str, Path], folder: Path) -> dict[str, Any]:
-    """Two or three edits of different parts; who leads is what MuJoCo or Pinocchio say of each alone."""
     rng = np.random.default_rng([SEED, 1000 + number])
     while True:
         name = str(rng.choice([*models]))

@@ -165,7 +165,6 @@ def plate(name: str, mass: float, centre: Array, R: Array, radius: float) -> Bod
 
 
 def bent(machine: Linkage, q: dict[str, float]) -> Linkage:
-    """An open chain or tree in another of its poses: joint -> coordinate. Limits count from that pose."""
     for name, value in q.items():
         joint = next(j for j in machine.joints if j.name == name)
         step = _step(joint, value)

@@ -156,7 +156,6 @@ def _another_home(tree: ET.Element, rng: Random, done: Scrambled, start: Array |
 
 
 def _move_coupling(part: ET.Element, homes: dict[str, float]) -> None:
-    """A line between two coordinates, of which both now count from another home."""
     offset, slope, *more = numbers(part.get("polycoef", "0 1 0 0 0"))
     if any(more):
         raise CannotError("a coupling that is no line")

@@ -87,7 +87,6 @@ def _of_mjcf(root: ET.Element, rng: np.random.Generator, speed: float) -> Array:
 
 
 def shares(original: ET.Element, alone: Sequence[ET.Element], speed: float = 1.0) -> Array:
-    """Return the share of each edit: the projection of its difference on the sum of all."""
     first = torques(original, speed)
     steps = np.array([torques(root, speed) - first for root in alone])
     total = steps.sum(axis=0)
