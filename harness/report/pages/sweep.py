@@ -16,7 +16,8 @@ from screwgauge.report.figures import chart
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.layout import Report
 from screwgauge.study.formatting import Row, listed, number
-from screwgauge.study.sweep.run import Effect, Sweep
+from screwgauge.study.sweep.plan import Scatter
+from screwgauge.study.sweep.run import Sweep
 
 #: Number of bars in a tornado chart, of rows on the first screen, and of names for the farthest variant.
 BARS, FIRST, NAMED = 15, 8, 3
@@ -49,7 +50,7 @@ def _banner(sweep: Sweep) -> Banner:
     return Banner.of(headline(sweep), sweep.exit_status == 0, "SWEPT", "ENGINES DISAGREE")
 
 
-def _size(effect: Effect) -> str:
+def _size(effect: Scatter) -> str:
     if effect.kind == "body":
         return f"{number(100.0 * effect.deviation, 3)} % of the body"
     return f"{number(effect.deviation, 3)} {unit(effect.name)}".rstrip()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -44,12 +44,14 @@ class Scatter:
         kind: One of `KINDS`.
         size: Standard deviation or half width, in the unit of the number; dimensionless for a body.
         value: Value of the number in the scene; zero for a body.
+        changes: In a sweep, the change of each column due to one standard deviation, to first order. Shape (C,).
     """
 
     name: str
     kind: str
     size: float
     value: float
+    changes: Array = field(default_factory=lambda: np.empty(0), compare=False)
 
     @property
     def numbers(self) -> list[str]:

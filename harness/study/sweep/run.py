@@ -5,7 +5,7 @@ from __future__ import annotations
 from base64 import b64decode, b64encode
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ from screwgauge.study.address import address
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
 from screwgauge.study.store import Journal
 from screwgauge.study.sweep.draw import Draw
-from screwgauge.study.sweep.plan import Plan
+from screwgauge.study.sweep.plan import Plan, Scatter
 
 if TYPE_CHECKING:
     from screwgauge.engines.screw.variants import Variants
@@ -53,29 +53,20 @@ def columns(plan: Plan) -> list[Column]:
     return [Column(statistic, *one) for statistic in plan.statistics for one in each]
 
 
-@dataclass(frozen=True, slots=True)
-class Chunk:
-    """Statistics of a range of variants, computed as a task. It can be pickled.
+def _solve_chunk(plan: Plan, key: str, first: int, stop: int, progress: Progress) -> dict[str, Any]:
+    """Return values row by row, one variant each, as base64 text, and the reasons of variants without values.
 
-    Attributes:
-        key: Key of the plan, which each process compiles once.
+    Args:
+        key: Key of the plan, which a process compiles once.
     """
-
-    plan: Plan
-    key: str
-    first: int
-    stop: int
-
-    def __call__(self, progress: Progress) -> dict[str, Any]:
-        """Return the values as a base64 string, one row per variant, and the reasons of variants without values."""
-        draw, variants = _compile(self.plan, self.key)
-        motion, values = self.plan.scene.motion, draw.values(range(self.first, self.stop))
-        given = dict(zip(draw.names, values, strict=True))
-        found = variants.statistics(motion.y, motion.yd, motion.ydd, self.plan.statistics, parameters=given, t=motion.t)
-        table = np.concatenate([found[one][name] for one in self.plan.statistics for name in self.plan.quantities], 1)
-        why = next(iter(found.values())).why
-        text = b64encode(np.ascontiguousarray(table).tobytes()).decode()
-        return {"values": text, "why": {str(i): str(why[i]) for i in np.flatnonzero(why != "")}}
+    draw, variants = _compile(plan, key)
+    motion, values = plan.scene.motion, draw.values(range(first, stop))
+    given = dict(zip(draw.names, values, strict=True))
+    found = variants.statistics(motion.y, motion.yd, motion.ydd, plan.statistics, parameters=given, t=motion.t)
+    table = np.concatenate([found[one][name] for one in plan.statistics for name in plan.quantities], 1)
+    why = next(iter(found.values())).why
+    text = b64encode(np.ascontiguousarray(table).tobytes()).decode()
+    return {"values": text, "why": {str(i): str(why[i]) for i in np.flatnonzero(why != "")}}
 
 
 #: Key -> the plan that this process compiled last.
@@ -90,21 +81,6 @@ def _compile(plan: Plan, key: str) -> tuple[Draw, Variants]:
         _known.clear()
         _known[key] = draw, Variants(plan.scene, plan.quantities, draw.names, "llvm")
     return _known[key]
-
-
-@dataclass(frozen=True, slots=True)
-class Effect:
-    """First-order effect of one standard deviation of a scatter.
-
-    Attributes:
-        deviation: Standard deviation in the unit of the number; dimensionless for a body.
-        changes: Change in each column. Shape (C,).
-    """
-
-    name: str
-    kind: str
-    deviation: float
-    changes: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +110,7 @@ class Sweep:
     values: Array
     why: Array
     nominal: Array
-    effects: Sequence[Effect]
+    effects: Sequence[Scatter]
     checked: Sequence[Checked]
     indices: Mapping[str, tuple[float, float]]
     note: str
@@ -166,7 +142,7 @@ class Sweep:
         return np.array([largest[key] or 1.0 for key in keys])
 
     @property
-    def ranked(self) -> list[tuple[Effect, int]]:
+    def ranked(self) -> list[tuple[Scatter, int]]:
         """Effects in descending order, each with the column that it changes most."""
         some = [i for i, column in enumerate(self.columns) if column.statistic == self.plan.statistics[0]]
         shares = [np.abs(effect.changes / self.sizes)[some] for effect in self.effects]
@@ -196,9 +172,12 @@ def sweep(
     draw, variants = _compile(plan, key)
     _check_mobility(plan, variants)
     kept, count = Journal(place, key), plan.variants
-    chunks = [Chunk(plan, key, i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
+    chunks = [(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
     rows = run_tasks(
-        [Task(f"variants {one.first + 1} to {one.stop}", one, str(one.first), _files(plan)) for one in chunks],
+        [
+            Task(f"variants {i + 1} to {stop}", partial(_solve_chunk, plan, key, i, stop), str(i), _files(plan))
+            for i, stop in chunks
+        ],
         execute or InTurn(),
         lost=lambda name, reason: {"values": "", "why": {"": reason}},
         before=kept.results,
@@ -206,11 +185,11 @@ def sweep(
         progress=progress,
     )
     known = columns(plan)
-    parts = [_read(row, one.stop - one.first, len(known)) for row, one in zip(rows, chunks, strict=True)]
+    parts = [_read(row, stop - i, len(known)) for row, (i, stop) in zip(rows, chunks, strict=True)]
     values, why = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     nominal, slopes = _slopes(plan, variants)
     slopes = slopes[:, [variants.names.index(name) for name in draw.names]]
-    effects = [Effect(one.name, one.kind, one.deviation, _change(slopes @ ways)) for one, ways in draw.deviations()]
+    effects = [replace(one, changes=_change(slopes @ ways)) for one, ways in draw.deviations()]
     progress("checks", 0.99)
     checked = [*_check_variants(plan, draw, np.flatnonzero(why == ""))]
     found = Sweep(plan, known, values, why, nominal, effects, checked, {}, kept.note)
