@@ -18,6 +18,10 @@ from screwgauge.study.identify.regressor import Regressor
 STEP, STEPS, ENOUGH, TINY = 1e-4, 500, 1e-7, 1e-9
 #: Number of successive noise estimates from residuals, and the smallest noise that differs from rounding.
 ROUNDS, LEAST = 3, 1e-6
+#: Default noise relative to the largest force.
+NOISE = 1e-3
+#: Correlation between successive samples above which residuals are not noise; prediction error that counts as rounding.
+CORRELATED, ROUNDING = 0.3, 1e-6
 
 
 class Unknowns:
@@ -64,58 +68,57 @@ def _difference(values: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
-    """Estimate of the unknowns.
+class Fit:
+    """Estimates from measured forces.
 
     Attributes:
-        x: Most likely coordinates. Shape (count,).
-        covariance: Covariance of the coordinates. Shape (count, count).
+        values: Most likely numbers. Shape (E,).
+        deviations: Standard deviations of the numbers. Shape (E,).
         noise: Standard deviation of the measured forces, relative to the largest force with the same unit.
+        error: RMS prediction error at samples that were not fitted, relative to the largest force with the same unit.
+        correlation: Correlation of the residuals between successive samples.
     """
 
-    x: Array
-    covariance: Array
+    values: Array
+    deviations: Array
     noise: float
+    error: float
+    correlation: float
+
+    @property
+    def explains(self) -> bool:
+        """True if the residuals are noise."""
+        return self.error < ROUNDING or self.correlation < CORRELATED
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """Forces at selected samples, relative to the largest force with the same unit, and their derivatives.
-
-    Attributes:
-        forces: Measured forces minus the forces at zero features. Shape (r,).
-        matrix: Derivatives with respect to the features. Shape (r, n_feature).
-        count: Number of independent rows: redundant actuators have more forces than independent measurements.
-    """
-
-    forces: Array
-    matrix: Array
-    count: int
-
-
-def information(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
-    """Return the singular values of the information in rows, for prior standard deviations relative to the noise."""
+def count_determined(unknowns: Unknowns, matrix: Array, noise: float) -> int:
+    """Count the combinations of numbers that rows determine better than the prior."""
     slopes = matrix @ unknowns.nominal_slopes[1] / noise
-    return np.asarray(np.linalg.svd(slopes, compute_uv=False))
+    return int((np.linalg.svd(slopes, compute_uv=False) > 1.0).sum())
 
 
-def expected_covariance(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
-    """Return the expected covariance of the coordinates after measuring rows. Shape (count, count)."""
-    slopes = matrix @ unknowns.nominal_slopes[1] / noise
-    return _covariance(np.concatenate([slopes, np.eye(unknowns.count)]))
+def expected_deviations(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
+    """Return the expected standard deviations of the numbers after measuring rows. Shape (E,)."""
+    ways, features = unknowns.nominal_slopes
+    return _deviations(ways, _covariance(np.concatenate([matrix @ features / noise, np.eye(unknowns.count)])))
 
 
-def estimate(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> Estimate:
-    """Estimate the most likely machine.
+def fit_samples(unknowns: Unknowns, measured: Array, matrix: Array, independent: int, noise: float | None) -> Fit:
+    """Fit the most likely machine to every second sample, and predict the remaining ones.
 
     Args:
-        noise: Noise of the rows; an initial guess if not `known`, which is re-estimated from residuals.
+        measured: Measured forces minus the forces at zero features, over the largest of their unit. Shape (n, c).
+        matrix: Derivatives of the forces with respect to the features. Shape (n, c, n_feature).
+        independent: Number of independent forces per sample: redundant actuators have more forces.
+        noise: Noise of the forces; estimated from residuals if None, starting with `NOISE`.
 
     Raises:
         ScrewgaugeError: The estimate does not converge.
     """
-    Q, R = np.linalg.qr(rows.matrix)
-    t, rest = Q.T @ rows.forces, float(rows.forces @ rows.forces)
+    fitted, test, known = slice(0, None, 2), slice(1, None, 2), noise is not None
+    forces, count, noise = measured[fitted].ravel(), len(measured[fitted]) * independent, noise or NOISE
+    Q, R = np.linalg.qr(np.concatenate(matrix[fitted]))
+    t, rest = Q.T @ forces, float(forces @ forces)
     rest -= float(t @ t)
     x, covariance = np.zeros(unknowns.count), np.eye(unknowns.count)
     for _ in range(1 if known else ROUNDS):
@@ -123,8 +126,15 @@ def estimate(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> Es
         if not known:
             left = t - R @ unknowns.features(x[:, None])[0]
             told = unknowns.count - float(np.trace(covariance))  # effective number of parameters determined
-            noise = max(np.sqrt(max(rest + float(left @ left), 0.0) / max(rows.count - told, 1.0)), LEAST)
-    return Estimate(x, covariance, noise)
+            noise = max(np.sqrt(max(rest + float(left @ left), 0.0) / max(count - told, 1.0)), LEAST)
+    left = measured - matrix @ unknowns.features(x[:, None])[0]
+    return Fit(
+        values=unknowns.numbers(np.maximum(x, unknowns.least)[:, None])[0],
+        deviations=_deviations(unknowns.slopes(x)[0], covariance),
+        noise=noise,
+        error=float(np.sqrt((left[test] ** 2).sum() / (len(left[test]) * independent))),
+        correlation=float((left[1:] * left[:-1]).sum() / max((left * left).sum(), 1e-300)),
+    )
 
 
 def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array) -> tuple[Array, Array]:
@@ -147,3 +157,8 @@ def _covariance(slopes: Array) -> Array:
     """Compute the covariance from the derivatives of the rows and of the prior. Shape (count, count)."""
     inverse = solve_triangular(np.linalg.qr(slopes, mode="r"), np.eye(slopes.shape[1]))
     return np.asarray(inverse @ inverse.T)
+
+
+def _deviations(ways: Array, covariance: Array) -> Array:
+    """Compute standard deviations of numbers from the covariance of coordinates. Shape (E,)."""
+    return np.asarray(np.sqrt(np.maximum(((ways @ covariance) * ways).sum(axis=1), 0.0)))

@@ -22,46 +22,20 @@ from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import Recorded, read_recorded
 from screwgauge.scene.scene import Scene
 from screwgauge.study.identify.directions import Structure, structure
-from screwgauge.study.identify.estimate import Rows, Unknowns, estimate, expected_covariance, information
+from screwgauge.study.identify.estimate import NOISE, Fit, Unknowns, count_determined, expected_deviations, fit_samples
 from screwgauge.study.identify.regressor import FORCE, Regressor
 from screwgauge.study.tables import answer_of_table
 
 DATA = "data"
 #: Smallest number of samples in a table: some are fitted, and some predicted.
 FEWEST = 4
-#: Default noise relative to the largest force, default prior relative to the size of a number, and prior force of a
-#: resistance that the scene lacks, relative to the largest force.
-NOISE, PRIOR, SHARE = 1e-3, 0.1, 0.05
+#: Default prior relative to the size of a number, and prior force of a resistance that the scene lacks, relative to the
+#: largest force.
+PRIOR, SHARE = 0.1, 0.05
 #: Ratio of posterior to prior standard deviation below which a number counts as determined.
 TOLD = 0.5
 #: Speed of a faster motion, relative to that of the scene.
 FASTER = 2.0
-#: Correlation between successive samples above which residuals are not noise; prediction error that counts as rounding.
-CORRELATED, ROUNDING = 0.3, 1e-6
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fit:
-    """Estimates from measured forces.
-
-    Attributes:
-        values: Most likely numbers. Shape (E,).
-        deviations: Standard deviations of the numbers. Shape (E,).
-        noise: Standard deviation of the measured forces, relative to the largest force with the same unit.
-        error: RMS prediction error at samples that were not fitted, relative to the largest force with the same unit.
-        correlation: Correlation of the residuals between successive samples.
-    """
-
-    values: Array
-    deviations: Array
-    noise: float
-    error: float
-    correlation: float
-
-    @property
-    def explains(self) -> bool:
-        """True if the residuals are noise."""
-        return self.error < ROUNDING or self.correlation < CORRELATED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,18 +132,17 @@ def identify(
     fit = None
     if table is not None:
         progress("estimate", 0.7)
-        fit = _fit(regressor, unknowns, noise)
+        fit = fit_samples(unknowns, *_measurements(regressor), noise)
     share = fit.noise if fit else noise or NOISE
-    ways = unknowns.nominal_slopes[0]
     return Identification(
         scene=scene,
         names=regressor.matter.entries,
         nominal=regressor.matter.nominal,
-        prior=np.linalg.norm(ways, axis=1),
-        expected=_deviations(ways, expected_covariance(unknowns, matrix, share)),
+        prior=np.linalg.norm(unknowns.nominal_slopes[0], axis=1),
+        expected=expected_deviations(unknowns, matrix, share),
         structure=any_motion,
-        told=_count_determined(unknowns, matrix, share),
-        faster=_count_determined(unknowns, regressor.rows(regressor.forces(_speed_up(regressor.poses))[1]), share),
+        told=count_determined(unknowns, matrix, share),
+        faster=count_determined(unknowns, regressor.rows(regressor.forces(_speed_up(regressor.poses))[1]), share),
         noise=share,
         size=prior,
         fit=fit,
@@ -189,15 +162,6 @@ def _scene_of_table(scene: Scene, table: Recorded) -> Scene:
             raise DescriptionError("has no actuator force", table.where, "name columns after the actuators")
         table = replace(table, columns=forces)
     return replace(scene.at(table.t), tables={DATA: table})
-
-
-def _count_determined(unknowns: Unknowns, matrix: Array, noise: float) -> int:
-    return int((information(unknowns, matrix, noise) > 1.0).sum())
-
-
-def _deviations(ways: Array, covariance: Array) -> Array:
-    """Compute standard deviations of numbers from the covariance of coordinates. Shape (E,)."""
-    return np.asarray(np.sqrt(np.maximum(((ways @ covariance) * ways).sum(axis=1), 0.0)))
 
 
 def _speed_up(poses: NominalPoses) -> NominalPoses:
@@ -228,19 +192,3 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
     if rows.sum() < FEWEST:
         raise DescriptionError(f"has {int(rows.sum())} samples with known forces", where, f"record {FEWEST} or more")
     return scaled[rows], (matrix / regressor.sizes[:, None])[rows][:, columns], len(columns) - surplus
-
-
-def _fit(regressor: Regressor, unknowns: Unknowns, noise: float | None) -> Fit:
-    """Fit every second sample, and predict the remaining ones."""
-    measured, matrix, independent = _measurements(regressor)
-    fit, test = slice(0, None, 2), slice(1, None, 2)
-    rows = Rows(measured[fit].ravel(), np.concatenate(matrix[fit]), len(measured[fit]) * independent)
-    found = estimate(unknowns, rows, noise or NOISE, known=noise is not None)
-    left = measured - matrix @ unknowns.features(found.x[:, None])[0]
-    return Fit(
-        values=unknowns.numbers(np.maximum(found.x, unknowns.least)[:, None])[0],
-        deviations=_deviations(unknowns.slopes(found.x)[0], found.covariance),
-        noise=found.noise,
-        error=float(np.sqrt((left[test] ** 2).sum() / (len(left[test]) * independent))),
-        correlation=float((left[1:] * left[:-1]).sum() / max((left * left).sum(), 1e-300)),
-    )
