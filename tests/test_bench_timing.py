@@ -1,10 +1,11 @@
 """The timing protocol."""
 
 import gc
+from dataclasses import replace
 
 import pytest
 
-from support.bench import Protocol, measure, rounds_needed, time_call
+from support.bench import QUICK, measure, rounds_needed, time_call
 
 
 class Clock:
@@ -41,7 +42,7 @@ def run(clock: Clock, durations: dict[str, float], *, rounds: int = 3, budget: f
     times: dict[str, list[float]] = dict(known or {})
     measure(
         contestants(clock, durations, log),
-        Protocol(rounds, clock() + budget * 1e9, clock),
+        replace(QUICK, rounds=rounds).start(budget, clock),
         lambda key, seconds: times.setdefault(key, []).append(seconds),
         times,
         durations,

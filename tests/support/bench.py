@@ -22,7 +22,7 @@ from screwgauge.study.bench.tables import (
     slopes_table,
 )
 from screwgauge.study.bench.tables import fits as fit_slopes
-from screwgauge.study.bench.timing import QUICK, Plan, Protocol, measure, rounds_needed, time_call
+from screwgauge.study.bench.timing import QUICK, Plan, measure, rounds_needed, time_call
 from screwgauge.study.store import Journal
 from screwgauge.truth import cache
 

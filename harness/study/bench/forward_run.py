@@ -22,7 +22,7 @@ from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, st
 from screwgauge.solution import Cost, Failure, Solution
 from screwgauge.study.bench.contestants import Contestant, simulators
 from screwgauge.study.bench.tables import CUT, FAILED, OK
-from screwgauge.study.bench.timing import Plan, Protocol
+from screwgauge.study.bench.timing import Plan
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import PreparedScene, Reference, deviation, score, sizes
 from screwgauge.study.solving import TooLongError, ask, model_files, time_limit, write_scene_models
@@ -75,17 +75,16 @@ def measure(
     plan: Plan,
     chosen: Sequence[Contestant],
     kept: Journal,
-    protocol: Protocol,
     progress: Report,
 ) -> None:
     """Measure contestants within the budget, in the order of their expected durations."""
     took, waiting = dict[Contestant, float](), [*chosen]
     late = {f"screw-{name}" for name in EXPLICIT} if _is_slow(posed.scene) else set[str]()
-    while waiting and not protocol.over:
+    while waiting and not plan.over:
         contestant = min(waiting, key=lambda one: (one.family in late, _expected_duration(one, took)))
         progress(contestant.family, 1.0 - len(waiting) / len(chosen))
         waiting.remove(contestant)
-        result = _result(posed, plan, contestant, _expected_duration(contestant, took), protocol.left)
+        result = _result(posed, plan, contestant, _expected_duration(contestant, took), plan.left)
         seconds = result["cost"].wall_s if "cost" in result else np.nan
         took[contestant] = np.inf if result["status"] == CUT else seconds
         kept.keep(contestant.key, result)

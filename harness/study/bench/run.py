@@ -121,7 +121,7 @@ def bench(
     """
     check_given(scene)
     plan = plan or plan_of(scene)
-    protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
+    started = plan.start(plan.budget, clock)
     record = {**environment(), "one_thread": one_thread()}
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         if scene.simulated:
@@ -140,11 +140,9 @@ def bench(
             posed = pose_scene(scene, Path(folder), samples=plan.samples)
             notes = posed.reference.note, kept.note
         if execute is None:
-            _measure(posed, plan, chosen, kept, protocol, progress)
+            _measure(posed, started, chosen, kept, progress)
         else:
-            _measure_as_tasks(
-                posed, plan, chosen, kept, protocol, partial(run_tasks, execute=execute, progress=progress)
-            )
+            _measure_as_tasks(posed, started, chosen, kept, partial(run_tasks, execute=execute, progress=progress))
             notes = *notes, BESIDE
         judged = provenance(posed.scene, {one.method.engine: posed.files(one.method.engine).model for one in chosen})
     narrow = any(contestant.kind is FLOAT32 for contestant in chosen)
@@ -208,14 +206,13 @@ def _measure(
     plan: Plan,
     chosen: Sequence[Contestant],
     kept: Journal,
-    protocol: timing.Protocol,
     progress: Report = silent,
 ) -> None:
     """Measure contestants in this process."""
     if posed.scene.simulated:
-        forward_run.measure(posed, plan, chosen, kept, protocol, progress)
+        forward_run.measure(posed, plan, chosen, kept, progress)
     else:
-        _Measurements(posed, kept, protocol, progress).all(chosen)
+        _Measurements(posed, kept, plan, progress).all(chosen)
 
 
 def _measure_as_tasks(
@@ -223,11 +220,10 @@ def _measure_as_tasks(
     plan: Plan,
     chosen: Sequence[Contestant],
     kept: Journal,
-    protocol: timing.Protocol,
     run: Callable[..., object],
 ) -> None:
     """Measure contestants as tasks, and store new results and times."""
-    end = time() + protocol.left
+    end, plan = time() + plan.left, replace(plan, clock=perf_counter_ns)  # clocks of tests do not pickle
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
     known = dict(kept.results), {key: [*times] for key, times in kept.times.items()}
     works = {name: partial(_measure_group, posed, plan, group, known, end) for name, group in groups.items()}
@@ -261,7 +257,7 @@ def _measure_group(
     """
     kept = Journal(None, "")
     kept.results, kept.times = dict(known[0]), {key: [*times] for key, times in known[1].items()}
-    _measure(posed, plan, group, kept, timing.Protocol(plan.rounds, perf_counter_ns() + (end - time()) * 1e9))
+    _measure(posed, plan.start(end - time()), group, kept)
     return kept.results, kept.times
 
 
@@ -277,8 +273,8 @@ def _installed_settings(group: list[Contestant]) -> list[Contestant]:
 class _Measurements:
     """Measurements of all contestants. A model loaded for the first measurement is kept for later rounds."""
 
-    def __init__(self, posed: PreparedScene, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
-        self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
+    def __init__(self, posed: PreparedScene, kept: Journal, plan: Plan, progress: Report) -> None:
+        self.posed, self.kept, self.plan, self.progress = posed, kept, plan, progress
         self.calls: dict[str, Callable[[], Any]] = {}
         self.models: dict[tuple[str, ModelFiles], EngineModel] = {}
 
@@ -287,17 +283,17 @@ class _Measurements:
         groups = [list(group) for _, group in groupby(chosen, key=_group)]
         turns = (contestant for turn in zip_longest(*groups) for contestant in turn if contestant is not None)
         for i, contestant in enumerate(turns):
-            if self.protocol.over:
+            if self.plan.over:
                 return
             self.progress("errors", i / len(chosen))
             done = self.kept.results.get(contestant.key, {"status": OK, "first": 0.0})
             times = self.kept.times.get(contestant.key, [])
             # an earlier bench may have measured the contestant often enough
             if done["status"] == OK and len(times) < timing.rounds_needed(
-                min([done["first"], *times]), self.protocol.rounds
+                min([done["first"], *times]), self.plan.rounds
             ):
                 self._first(contestant)
-        self._measure(self.calls, self.protocol)
+        self._measure(self.calls, self.plan)
 
     def _first(self, contestant: Contestant) -> None:
         """Compute the error of a contestant, unless an earlier bench computed it, and measure one time."""
@@ -311,7 +307,7 @@ class _Measurements:
 
             if contestant.key not in self.kept.results:
                 self.kept.keep(contestant.key, self._score(contestant, trial, call))
-            self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
+            self._measure({contestant.key: call}, replace(self.plan, rounds=1))
             self.calls[contestant.key] = call
         except (Exception, SystemExit) as error:  # a contestant that fails becomes a row
             method = contestant.method
@@ -320,15 +316,15 @@ class _Measurements:
 
     def _score(self, contestant: Contestant, trial: Trial, call: Callable[[], list[Solution]]) -> dict[str, Any]:
         with np.errstate(all="ignore"):
-            seconds, solutions = timing.time_call(call, self.protocol.clock)
+            seconds, solutions = timing.time_call(call, self.plan.clock)
         for problem, solution in zip(trial.problems, solutions, strict=True):
             check_whole(problem, solution)
         scores = contestant.scores(trial, solutions)
         return {"status": OK, "n_sample": trial.n_sample, "first": seconds, "scores": scores}
 
-    def _measure(self, calls: Mapping[str, Callable[[], Any]], protocol: timing.Protocol) -> None:
+    def _measure(self, calls: Mapping[str, Callable[[], Any]], plan: Plan) -> None:
         first = {key: self.kept.results[key]["first"] for key in calls}
-        left, made = sum(timing.rounds_needed(first[key], protocol.rounds) for key in calls), count(1)
+        left, made = sum(timing.rounds_needed(first[key], plan.rounds) for key in calls), count(1)
 
         def record(key: str, seconds: float) -> None:
             if len(calls) > 1:
@@ -336,7 +332,7 @@ class _Measurements:
             self.kept.time(key, seconds)
 
         with np.errstate(all="ignore"):
-            timing.measure(calls, protocol, record, self.kept.times, first)
+            timing.measure(calls, plan, record, self.kept.times, first)
 
 
 def _group(contestant: Contestant) -> tuple[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter_ns
 from typing import Any
@@ -27,6 +27,8 @@ class Plan:
         quick: True to omit the slowest settings.
         each: Time after which a contestant of a simulation is stopped [s].
         share: Fraction of a simulation that is integrated.
+        deadline: Reading of the clock [ns] at which no further measurement begins.
+        clock: Function that returns the time [ns].
     """
 
     samples: int
@@ -35,25 +37,12 @@ class Plan:
     quick: bool
     each: float = inf
     share: float = 1.0
-
-
-FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
-QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
-
-
-@dataclass(frozen=True, slots=True)
-class Protocol:
-    """Rounds and deadline of measurements.
-
-    Attributes:
-        rounds: Number of measurements of each contestant.
-        deadline: Reading of the clock [ns] at which no further measurement begins.
-        clock: Function that returns nanoseconds.
-    """
-
-    rounds: int
-    deadline: float
+    deadline: float = inf
     clock: Callable[[], int] = perf_counter_ns
+
+    def start(self, seconds: float, clock: Callable[[], int] = perf_counter_ns) -> Plan:
+        """Return the plan with a deadline, some seconds from now on a clock."""
+        return replace(self, deadline=clock() + seconds * 1e9, clock=clock)
 
     @property
     def left(self) -> float:
@@ -63,6 +52,10 @@ class Protocol:
     @property
     def over(self) -> bool:
         return self.left <= 0.0
+
+
+FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
+QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 
 def time_call(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float, Any]:
@@ -81,7 +74,7 @@ def time_call(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float,
 
 def measure(
     calls: Mapping[str, Callable[[], Any]],
-    protocol: Protocol,
+    plan: Plan,
     record: Callable[[str, float], None],
     known: Mapping[str, list[float]],
     first: Mapping[str, float],
@@ -94,17 +87,17 @@ def measure(
         known: Key -> times measured so far [s], to which `record` appends.
         first: Key -> duration of the first call [s], which determines rounds and warm-up.
     """
-    for turn in range(protocol.rounds):
+    for turn in range(plan.rounds):
         for key, call in calls.items():
             before = known.get(key, [])
             shortest = min([first[key], *before])
-            if len(before) > turn or len(before) >= rounds_needed(shortest, protocol.rounds):
+            if len(before) > turn or len(before) >= rounds_needed(shortest, plan.rounds):
                 continue
-            if protocol.over:
+            if plan.over:
                 return
             if shortest < WARM_BELOW:
                 call()
-            record(key, time_call(call, protocol.clock)[0])
+            record(key, time_call(call, plan.clock)[0])
 
 
 def rounds_needed(seconds: float, rounds: int) -> int:
