@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -63,11 +63,13 @@ class Method:
         engine: Name in the registry.
         settings: Settings, see the engine's folder.
         label: Name in rows; the engine's name if empty.
+        loader: Function that loads a model in place of the engine's own, such as a variant of it.
     """
 
     engine: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     label: str = ""
+    loader: Callable[..., EngineModel] | None = None
 
     @property
     def name(self) -> str:
@@ -81,7 +83,7 @@ class Method:
             ImportError: The engine's package is not installed.
             ScrewgaugeError: The file cannot be loaded.
         """
-        return get_engine(self.engine).load(files, **self.settings)
+        return (self.loader or get_engine(self.engine).load)(files, **self.settings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

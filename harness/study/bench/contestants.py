@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain, product
 from typing import Any
@@ -23,7 +23,7 @@ from screwgauge.scene.simulation import EXPLICIT
 from screwgauge.solution import Solution
 from screwgauge.study.bench import TABLE, given
 from screwgauge.study.bench.given import Question, Trial
-from screwgauge.study.bench.variants import VARIANTS, VariantMethod
+from screwgauge.study.bench.variants import VARIANTS, variant
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import QUANTITIES, PreparedScene, join_samples
 
@@ -99,7 +99,7 @@ class Contestant:
 #: Fields of a contestant that are copied from an entry of ``cases.toml``.
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
 
-_COVERS = "integration from start to end, loop closing and output at the samples included, loading excluded"
+_COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
 _SIMULATOR = partial(Contestant, question=given.simulation, quantities=("observable", "energy"), covers=_COVERS)
 #: Tolerances of a step, rtol = atol. Implicit methods of low order would need too many steps for the smaller ones.
 LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -163,12 +163,13 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
         parameter = varied[0], number(filled(varied[1]), "cases.toml")
     if "named" in values and (parameter is None or parameter[1] not in values["named"]):
         fields["label"] = ""
-    settings, method = filled(values.get("settings", {})), Method(values["engine"])
+    settings = filled(values.get("settings", {}))
+    method = Method(values["engine"], settings)
     if "variant" in values:
-        method = VariantMethod(values["engine"], function=VARIANTS[values["variant"]])
+        method = variant(values["engine"], VARIANTS[values["variant"]], **settings)
     return Contestant(
         **fields,
-        method=replace(method, settings=settings),
+        method=method,
         question=partial(question, **arguments) if arguments else question,
         quantities=tuple(values["quantities"]),
         parameter=parameter,
@@ -178,7 +179,7 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
 def leaving_out() -> Iterator[Contestant]:
     """Yield each engine with reduced requests, to measure the savings; its first contestant computes everything."""
     for engine in ENGINES:
-        covers = f"from y and its derivatives by the engine {engine}, with the model already loaded"
+        covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
         trial = partial(any_engine, method=Method(engine))
         yield trial(EVERYTHING, question=given.omit, quantities=GIVEN)

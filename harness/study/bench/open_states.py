@@ -35,7 +35,7 @@ from screwgauge.study.bench.question import (
     scene_in_motion,
     tree_coordinates,
 )
-from screwgauge.study.bench.variants import VariantMethod
+from screwgauge.study.bench.variants import variant
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import Reference, acceleration_problem
 from screwgauge.study.solving import solve
@@ -69,7 +69,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     # an engine that is not installed still gets rows in the table
     closed = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
     raw, right = pull_apart(scene, names, gap), _at(true.values, names)
-    reduced, every = VariantMethod("screw", function=reduced_equations), mechanism.coordinates
+    reduced, every = variant("screw", reduced_equations), mechanism.coordinates
     yield _accelerations(given, reduced, _at(solutions["screw"].values, every))
     yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
     for label, states, more, cause in (

@@ -29,7 +29,7 @@ from screwgauge.solution import Solution, Stopwatch, Values, empty
 from screwgauge.study.bench.question import SCENE, Question, compare, exact_text, scene_at, scene_in_motion
 from screwgauge.study.bench.scheme import PARTS, chains, march, platform_screws
 from screwgauge.study.bench.stress import Ask
-from screwgauge.study.bench.variants import VariantMethod
+from screwgauge.study.bench.variants import variant
 from screwgauge.study.reference_values import join_samples, reference_values
 from screwgauge.study.stream import stream, times
 
@@ -130,13 +130,13 @@ def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
     scene = replace(load_scene(SCENE), rule="min_norm")
     at = _sample_numbers(int(count)) * STEP
     files, right = ModelFiles(scene.mechanism_file), reference_values(scene, at, QUANTITIES)
-    method = VariantMethod("screw", {"scene": scene, "count": int(count)}, function=stream_samples)
+    method = variant("screw", stream_samples, scene=scene, count=int(count))
     problem, engines = scene.at(at).problem(QUANTITIES), {"screw": files, "paper": files}
     whole = Question(scene.mechanism, engines, problem, (method,), QUANTITIES, right)
     yield whole
     posed = replace(problem, wanted=frozenset(QUANTITIES[:1]))
     for label, (steps, cause) in SCHEMES.items():
-        scheme = VariantMethod("paper", {"scene": scene, "method": steps}, label, function=paper_steps)
+        scheme = variant("paper", paper_steps, label, scene=scene, method=steps)
         yield replace(whole, problem=posed, methods=(scheme,), quantities=QUANTITIES[:1], cause=cause)
 
 

@@ -38,7 +38,7 @@ from screwgauge.study.bench.question import (
     put,
     scene_at,
 )
-from screwgauge.study.bench.variants import VariantMethod, given_motion
+from screwgauge.study.bench.variants import given_motion, variant
 from screwgauge.study.linkages import Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import Reference
@@ -71,9 +71,7 @@ def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Ques
     yield question
     if question.known:
         labels = {"screw whole system": False, "screw whole system refined": True}
-        methods = tuple(
-            VariantMethod("screw", {"refined": x}, name, function=whole_system) for name, x in labels.items()
-        )
+        methods = tuple(variant("screw", whole_system, name, refined=x) for name, x in labels.items())
         problem = replace(question.problem, wanted=frozenset((_FORCE,)))
         yield replace(question, methods=methods, quantities=(_FORCE,), problem=problem)
 

@@ -1,14 +1,14 @@
 """Variants of the solver `screw`, which show the effect of its parts, its precision and common shortcuts.
 
-`VariantMethod` puts a function in the place of an engine. The functions in `VARIANTS` answer given motions; their
+`variant` puts a function in the place of an engine. The functions in `VARIANTS` answer given motions; their
 actuator forces are those of minimum norm, and they do not estimate errors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -58,22 +58,25 @@ class Variant:
         return Solution("screw", __version__, values, empty(len(problem.task)))
 
 
-@dataclass(frozen=True, slots=True)
-class VariantMethod(Method):
-    """A variant with its settings, of which ``dtype`` is the precision from the first operation to the last.
+def load_variant(
+    files: ModelFiles, *, function: Callable[..., Arrays | Solution], dtype: str = "", **settings: Any
+) -> Variant:
+    """Load a description for a variant.
 
-    Attributes:
-        function: See `Variant`. Must be a module-level function.
+    Args:
+        function: See `Variant`. A function of a module.
+        dtype: Precision from the first operation to the last; double by default.
+        settings: Settings of the function.
     """
+    lay = layout(load_mechanism(files.model))
+    if dtype:
+        lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
+    return Variant(lay, partial(function, **settings))
 
-    function: Callable[..., Arrays | Solution] = field(kw_only=True)
 
-    def load(self, files: ModelFiles) -> Variant:
-        """Load a description for the variant."""
-        settings, lay = dict(self.settings), layout(load_mechanism(files.model))
-        if dtype := settings.pop("dtype", ""):
-            lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
-        return Variant(lay, partial(self.function, **settings))
+def variant(engine: str, function: Callable[..., Arrays | Solution], label: str = "", **settings: Any) -> Method:
+    """Return the method that puts a function, with settings, in the place of an engine; see `load_variant`."""
+    return Method(engine, {"function": function, **settings}, label, load_variant)
 
 
 def given_motion(problem: Problem) -> GivenMotion:
