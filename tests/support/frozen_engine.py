@@ -50,7 +50,7 @@ class FrozenModel:
 
     def solve(self, problem, progress=quiet):
         if not isinstance(problem.task, GivenMotion):
-            raise ModelFileError("this engine only solves given motions", self.where, "choose another engine")
+            raise ModelFileError("takes given motions only", self.where, "name another engine")
         check_fits(problem, self.mechanism, self.where)
         labels = "frozen", "1", "absolute coordinates"
         return solve_constrained(labels, Bodies(self.mechanism), problem, progress)
