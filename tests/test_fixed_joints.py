@@ -270,7 +270,7 @@ def test_a_fixed_joint_that_stands_elsewhere_in_a_urdf_is_refused(write, tmp_pat
     start, end = text.index('<link name="load@hold.frame" />'), text.index('<link name="load">')
     (tmp_path / "arm.urdf").write_text(text[:start] + text[end:], encoding="utf-8")
     scene = load_scene(write("own.toml", f'{SCENE}models.pinocchio = "arm.urdf"\n'))
-    with pytest.raises(screwgauge.ScrewgaugeError, match="'hold' is not where"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match="fixed joint 'hold'"):
         screwgauge.run(scene, engines=["screw", "pinocchio"])
 
 

@@ -243,7 +243,7 @@ def test_an_engine_that_the_judge_faults_is_no_measure(spoilt_file, stand_in):
 @pytest.mark.parametrize(
     ("numbers", "scene", "said"),
     [
-        ("t,left\n0,1\n", "five-bar", "column 'left' is of"),
+        ("t,left\n0,1\n", "five-bar", "column 'left' "),
         ("t,actuator_force/lef\n0,1\n", "five-bar", "unknown column"),
         ("t,actuator_force/left [N/mm]\n0,1\n", "five-bar", "must be in N m"),
         ("t,actuator_force/left\n0,1\n9,1\n", "five-bar", "is outside the scene"),
