@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from screwgauge.engines.registry import GROUP
 from support import guide
+from support.packages import install
 from support.processes import python
 
 pytestmark = pytest.mark.slow
@@ -26,11 +26,7 @@ WHOLE = f"{FILTER} or test_tasks or feature or redundant or rccc or 3-upu or bel
 
 def contract(folder: Path, *options: str, **modules: str) -> tuple[int, str]:
     (folder / "empty").mkdir()
-    said = folder / "own_engine-1.dist-info"
-    said.mkdir()
-    (said / "METADATA").write_text("Metadata-Version: 2.1\nName: own-engine\nVersion: 1\n", encoding="utf-8")
-    points = "".join(f"{name} = {name}_engine:ENGINE\n" for name in modules)
-    (said / "entry_points.txt").write_text(f"[{GROUP}]\n{points}", encoding="utf-8")
+    install(folder, "own-engine", {name: f"{name}_engine:ENGINE" for name in modules})
     for name, text in modules.items():
         (folder / f"{name}_engine.py").write_text(text, encoding="utf-8")
     command = python("-m", "pytest", "-q", "-rsfE", "-p", "no:cacheprovider", "-p", "no:xdist")

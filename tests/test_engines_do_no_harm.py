@@ -11,6 +11,7 @@ import pytest
 import screwgauge
 from support import engine_of_harm as harm
 from support.engines import ENGINES, Failure, Method, ModelFiles, further_engines, get_engine, put
+from support.packages import install
 from support.repository import repository, scene, worse
 
 pytestmark = pytest.mark.slow
@@ -29,7 +30,7 @@ def with_harm(folder: Path, mode: str) -> Path:
 
 @pytest.fixture
 def folder(theirs):
-    harm.install(theirs)
+    install(theirs, "harm", SOURCE)
     (theirs / "red.toml").write_text(scene('models.mujoco = "red.xml"', FORCE), encoding="utf-8")
     repository(theirs / "old")
     shutil.copy("red.toml", "old")

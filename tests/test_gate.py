@@ -15,6 +15,7 @@ from support import bad_engines
 from support.bench import journals
 from support.command import main
 from support.gate import GateSettings, Item, Processes, address, check_items, files_in, gate_run, sentence_of
+from support.packages import install
 from support.repository import edited, scene, tell, worse
 
 pytestmark = pytest.mark.slow
@@ -249,7 +250,7 @@ def test_a_crash_costs_one_row(theirs, isolated):
 def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs, isolated, monkeypatch):
     monkeypatch.setattr("screwgauge.study.isolation._EXECUTORS", {})  # older processes know nothing of the new engines
     monkeypatch.setattr(sys, "path", [*sys.path, str(theirs)])
-    bad_engines.install(theirs)
+    install(theirs, "bad_engines", bad_engines.PLACES)
     names = (*bad_engines.NAMES, "mujoco")
     for name in names:
         text = scene(quantities='["joint_position"]').replace('"mujoco"', f'"{name}"')

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.engines.registry import GROUP, Engine, EngineModel
+from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.engines.screw import model as screw
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
 from screwgauge.solution import Solution, Values
@@ -138,11 +138,3 @@ class Harm:
             if self.mode in acts:
                 acts[self.mode](problem)
         return {**ANSWERS, **RIGHT}.get(self.mode, lambda answer: answer)(answer)
-
-
-def install(folder: Path) -> None:
-    """What pip leaves of such a package, for every process that has the folder on its path."""
-    said = folder / "harm-1.dist-info"
-    said.mkdir()
-    (said / "METADATA").write_text("Metadata-Version: 2.1\nName: harm\nVersion: 1\n", encoding="utf-8")
-    (said / "entry_points.txt").write_text(f"[{GROUP}]\n{NAME} = {__name__}:ENGINE\n", encoding="utf-8")
