@@ -36,7 +36,7 @@ def acceleration_at(V: Array, A: Array, r: Array) -> Array:
 
 def acceleration_screws(pose: TreePose, w: Array, beta: Array, bracket: Bracket = lie_bracket) -> Array:
     V, bias = twists(pose, w), 0.0 * twists(pose, w)
-    for edge, near, far, columns, sign, _ in walk(pose.lay):
+    for edge, near, far, columns, sign, *_ in walk(pose.lay):
         before, bias[..., far, :] = V[..., near, :], bias[..., near, :]
         for c in columns[::-1] if edge.reverse else columns:
             term = scale(sign * w[..., c], pose.S[..., c, :])
