@@ -108,7 +108,7 @@ def compare_loops(
     states = states.at(is_rank_clear(gaps_and_rows(tree, states)[1]))
     if not fits.any() or not len(states.q):
         return {}
-    rows, bias = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
+    rows, bias = import_module(ASKED[library]).closing_rows(path, joint_states(tree, states), floating)
     (_, own), slides = gaps_and_rows(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
     if rows.shape != own.shape:  # the library has constraints that readings cannot represent
         return {}
