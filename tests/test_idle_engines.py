@@ -8,7 +8,6 @@ from screwgauge.problem import ModelFiles
 from support.acting import Applied, Load
 from support.data import data
 from support.engines import ENGINES, Problem, ask, model_files
-from support.idle import CART
 from support.mechanism import load_mechanism, mechanism_path
 from support.models import write_models
 from support.scene import GivenMotion
@@ -45,7 +44,7 @@ def motion(mechanism, idle, n=7):
 
 @pytest.mark.parametrize("engine", SOLVE)
 def test_a_pole_on_a_cart_swings_as_its_equation_says(engine, write, tmp_path):
-    mechanism = load_mechanism(write("cart.toml", CART))
+    mechanism = load_mechanism(write("cart.toml", data("cart.toml")))
     write_models(mechanism, tmp_path)
     given = motion(mechanism, [1])
     found = ask(engine, files(mechanism, engine, tmp_path), Problem(Applied(), given, ASKED))
@@ -79,7 +78,7 @@ def test_redundant_actuators_obey_their_rule_beside_what_swings(rule, engine, wr
 
 @pytest.mark.parametrize("engine", SOLVE)
 def test_what_nothing_drives_falls(engine, write, tmp_path):
-    mechanism = load_mechanism(write("cart.toml", CART.replace("actuated = true", "")))
+    mechanism = load_mechanism(write("cart.toml", data("cart.toml").replace("actuated = true", "")))
     assert_delivered(mechanism, [0, 1], engine, tmp_path)
 
 

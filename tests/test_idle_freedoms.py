@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 
 import screwgauge
 from screwgauge import Scene, ScrewgaugeError
+from support.data import data
 from support.errors import DescriptionError
 from support.geometry import Array
-from support.idle import CART
 from support.judging import judge
 from support.scene import GivenMotion, sampled
 from support.tolerances import IDLE_MOTION
@@ -55,7 +55,7 @@ time = { duration = 3, step = 0.05 }
 
 @pytest.fixture
 def cart(tmp_path) -> Callable[..., Scene]:
-    (tmp_path / "cart.toml").write_text(CART)
+    (tmp_path / "cart.toml").write_text(data("cart.toml"))
 
     def scene(*changes: tuple[str, str]) -> Scene:
         text = MOVED

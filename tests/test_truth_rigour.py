@@ -6,6 +6,7 @@ import pytest
 from flint import arb, ctx, fmpq
 
 import screwgauge
+from support.data import data
 from support.engines import Clock
 from support.mechanism import load_mechanism, mechanism_tables
 from support.scene import GivenMotion
@@ -134,26 +135,7 @@ def test_poor_guess_ends_in_a_proof_or_a_refusal():
 
 
 def test_loops_that_close_only_to_rounding_are_refused_in_one_sentence(write):
-    text = """
-name = "bar"
-independent = { a = "a" }
-[bodies.crank]
-mass = 1
-inertia = { xx = 1, yy = 1, zz = 1 }
-[joints.a]
-kind = "R"
-parent = "ground"
-child = "crank"
-axes = [[0, 0, 1]]
-actuated = true
-[joints.b]
-kind = "R"
-parent = "ground"
-child = "crank"
-axes = [[0, 0, 1]]
-parent_frame = { position = [0, 0, 0.1] }
-child_frame = { position = [1e-13, 0, 0.1] }
-"""
+    text = data("crank-and-bar.toml")
     write("bar.toml", text)
     scene = "mechanism = 'bar.toml'\nmotion = { a = { polynomial = [0, 1] } }\ntime = { times = [0.1] }\n"
     results = screwgauge.run(screwgauge.load_scene(write("s.toml", scene)), engines=["truth"])

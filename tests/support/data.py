@@ -6,5 +6,5 @@ DATA = Path(__file__).parents[1] / "data"
 
 
 def data(name: str) -> str:
-    """Text of a file; what stands in braces is filled in by the test."""
+    """Text of a data file."""
     return (DATA / name).read_text(encoding="utf-8")
