@@ -141,9 +141,9 @@ def test_loops_elsewhere_are_named_for_each_side(robot, tmp_path, command):
 @pytest.mark.parametrize(
     ("sides", "given", "why"),
     [
-        (("urdf", "xml"), (None, "loops"), "defines its own loop closures; omit --loops"),
-        (("urdf", NAME), (None, "loops"), "defines its own loop closures; omit --loops"),
-        (("xml", NAME), "loops", "define their own loop closures; omit --loops"),
+        (("urdf", "xml"), (None, "loops"), "its own loop closures; omit"),
+        (("urdf", NAME), (None, "loops"), "its own loop closures; omit"),
+        (("xml", NAME), "loops", "their own loop closures; omit"),
         *((("urdf", NAME), bad, "pass one file") for bad in (("loops",), ("loops",) * 3, 3, [1, 2])),
     ],
 )
