@@ -9,7 +9,6 @@ import sys
 import threading
 import tomllib
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
