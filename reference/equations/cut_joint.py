@@ -57,7 +57,7 @@ class CutJoint:
     def S(self) -> Array:
         """Unit screws of the cut joint; parent and child carry the first and the last axis. Shape (..., f, 6)."""
         at, turns = self.at, np.array([turns for turns, _ in self.at.joint.freedoms])
-        if len(turns) > 2:
+        if len(turns) > 2 or at.joint.slides > 1:
             return joint_screws(at.joint, at.R_parent, at.p_parent, self.values)[0]
         axes = np.stack(np.broadcast_arrays(at.first, at.last)[: len(turns)], axis=-2)
         return unit_screws(turns, axes, np.broadcast_to(at.p_parent[..., None, :], axes.shape))
