@@ -107,7 +107,7 @@ def test_engines_that_are_both_in_another_assembly_than_home_do_not_agree(tmp_pa
     write_models(turned, tmp_path / "models", gravity=scene.applied.g)
     files = {name: tmp_path / "models" / f"{SCENE}.{end}" for name, end in (("mujoco", "xml"), ("pinocchio", "urdf"))}
     results = screwgauge.run(replace(scene, models=files), tuple(files), ("actuator_force",))
-    assert all("assembly mode from home" in reason for reason in results.pairs["reason"])
+    assert all("not in the home assembly mode" in reason for reason in results.pairs["reason"])
     assert not results.pairs["ok"].any()
 
 

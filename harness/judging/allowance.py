@@ -1,10 +1,11 @@
-"""Tolerances: the largest accepted difference between two values, with reasons. No other module sets tolerances.
+"""Tolerances: the largest accepted difference between two values, and the reason for it. No other module sets
+tolerances.
 
-A scene may allow any error, by a tolerance or by the stated error of a table. A judged engine may also estimate its own
-errors, but this estimate explains a difference only up to `LIMIT`; beyond that the difference is undecided. If a scene
-or command names a method with a number type, such as ``mjwarp@float32``, errors of that type are estimated from the
-description, and at most half of its digits may be lost. Integration error is measured with further runs and explains at
-most `MOST`.
+A scene may allow any error: it may set a tolerance, or state the error of a table. A judged engine may also estimate
+its own errors, but this estimate explains a difference only up to `LIMIT`; beyond that the difference is undecided. If
+a scene or command names a method with a number type, such as ``mjwarp@float32``, errors of that type are estimated from
+the description, and at most half of its digits may be lost. Integration error is measured with additional runs, and
+explains a difference of at most `MOST`.
 """
 
 from __future__ import annotations
@@ -40,9 +41,10 @@ class Granted:
 
     Attributes:
         usual: Limit at any sample.
-        limits: Limit at each sample given its condition number, without integration error. Shape (n,).
-        doubts: Limit up to which a difference above `limits` is undecided: the engines' own error estimates. (n,).
-        why: Why `usual` exceeds the tolerance of the scene; empty if due to soft constraints.
+        limits: Limit at each sample for its condition number, not including integration error. Shape (n,).
+        doubts: Limit from the engines' own error estimates; a difference between `limits` and `doubts` is undecided.
+            (n,).
+        why: Reason why `usual` exceeds the scene's tolerance; empty if the reason is soft constraints.
         scale: Scale of the errors.
         integration: Engine -> its estimated integration error, scaled. Shape (n,).
         binding: Whether the scene states the allowed difference, regardless of integration error.
@@ -74,22 +76,22 @@ class Granted:
         if ok:
             return f"{WITHIN}: at most {shares}"
         if size > usual + whole:
-            return f"integration explains at most {shares}; at least {size - whole:.2g} remains"
+            return f"integration explains at most {shares}; at least {size - whole:.2g} remains unexplained"
         why = "the scene sets the tolerance" if self.binding else f"at most {MOST:g} is attributed to integration"
         return f"{WITHIN} that the engines state: at most {shares}; {why}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Allowance:
-    """Accepted errors by their source.
+    """Accepted errors, grouped by source.
 
     Attributes:
         tolerance_of: Quantity -> scaled error up to which two engines agree, as given by the scene.
         binding: Quantities whose tolerance the scene itself sets: no integration error is allowed in addition.
         stated: Table -> quantity -> error that the scene states for the table's values [their units].
-        integration: Engine -> integration error measured with further runs.
-        summands: Returns unit -> size of the terms at the states of the scene; a value smaller than the rounding of its
-            terms is zero.
+        integration: Engine -> integration error measured with additional runs.
+        summands: Returns unit -> magnitude of the terms at the states of the scene; a value below the rounding error of
+            its terms counts as zero.
     """
 
     tolerance_of: Callable[[str], float]
@@ -127,7 +129,7 @@ class Allowance:
         decided = derived or zero <= kind.limit * scale or self._is_zero(zero, scale, kind, unit, scales[unit])
         limit = max(tolerance, stated / scale, zero / scale if decided else kind.sure)
         why = "" if derived else f"zero within {zero:.1g} {unit}, the {source.source}"  # soft forces have digits
-        if kind is not FLOAT64 and limit < DIGIT:  # else no digit is left
+        if kind is not FLOAT64 and limit < DIGIT:  # otherwise no digit is correct
             why = f"{NARROW} {kind.name}, whose rounding error is up to {zero:.1g} {unit}"
         if stated > zero:
             why = f"within {stated:.3g} {unit}, the stated error of {pair[1].engine}"
@@ -142,7 +144,7 @@ class Allowance:
         return Granted(limit, limits, doubts, why, scale, grown, quantity in self.binding)
 
     def _is_zero(self, absolute: float, scale: float, kind: NumberType, unit: str, natural: float) -> bool:
-        """Return True if an absolute error is rounding at the machine's own size."""
-        if kind is not FLOAT64 and absolute < DIGIT * scale:  # it has a digit
+        """Return True if an absolute error is within the rounding error of the machine's natural scale or terms."""
+        if kind is not FLOAT64 and absolute < DIGIT * scale:  # at least one digit is correct
             return False
         return absolute <= kind.zero * max(natural, self.summands().get(unit, 0.0))

@@ -82,7 +82,7 @@ class Answer:
         return set(quantities) <= set(self.values)
 
     def loose_scale(self, quantity: str, unit: str) -> float:
-        """Return the largest magnitude of a quantity in a unit if the scene loosens its tolerance, else 0."""
+        """Return a quantity's largest magnitude in a unit if the scene loosens the quantity's tolerance, else 0."""
         if quantity not in self.looser or not self.has(quantity):
             return 0.0
         values = self.values[quantity]
@@ -112,8 +112,10 @@ class Answer:
         Args:
             components: Names of the columns.
             missing: Residual of the equation. Shape (n, m).
-            size: Scale of the residual, which is its largest term: one number, or one per component, shape (m,).
-            of: Quantities in the equation. A larger error that the scene allows in one of them becomes the tolerance.
+            size: Scale of the residual, namely its largest term: a number, or an array with a value per component,
+                shape (m,).
+            of: Quantities in the equation. If the scene allows a larger error in any of these quantities, this error
+                becomes the tolerance.
         """
         tolerance = max([self.tolerance, *(self.looser[name] for name in of if name in self.looser)])
         scaled = np.abs(missing) / np.maximum(size, FLOOR * self.scales[unit])

@@ -1,6 +1,6 @@
 """Assembly modes of the engines' solutions, and conversion of joint angles between charts.
 
-Two engines in different assembly modes solve different problems, which is reported by one message rather than as a
+Two engines in different assembly modes solve different problems, which is reported in a single message rather than as a
 difference in forces. A spherical joint has two triples of angles for each orientation, angles may differ by full turns,
 and in gimbal lock only the sum or difference of two angles is meaningful. An engine's choice depends on how it follows
 the motion and where it cuts the loops, not on how the mechanism moves. Angles of the same orientation are therefore
@@ -30,12 +30,13 @@ from screwgauge.solution import Solution, Values, common_rows, reference_first
 #: Difference above which two positions of a joint are distinct [rad or mechanism lengths]. It is far above rounding,
 #: which leaves 1e-4 rad at 1e-12 rad from a singular pose, and far below the distance between assembly modes.
 APART = 1e-3
-#: Loop residual above which the geometry differs from the description's [rad or mechanism lengths].
+#: Loop residual above which the geometry differs from the description [rad or mechanism lengths].
 CLOSED = 1e-8
 
 
 def joint_places(joint: Joint, q: Array, length: float) -> Array:
-    """Return a joint's relative placement, independent of angle charts: rotation, then displacement over a length.
+    """Return a joint's relative placement, independent of angle charts: rotation, then displacement divided by a
+    length.
 
     Args:
         q: Coordinates of the joint. Shape (n, m).
@@ -53,13 +54,13 @@ def joint_places(joint: Joint, q: Array, length: float) -> Array:
 
 
 def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
-    """Return joint coordinates that identify the assembly mode, NaN at unsolved samples; None if unknown."""
+    """Return joint coordinates that identify the assembly mode, with NaN at unsolved samples; None if unknown."""
     if solution.assembly is not None:
         return solution.assembly
     given = solution.values.get("joint_position")
     if given is None or given.components not in (mechanism.coordinates, mechanism.moving):
         return None
-    q = np.zeros((len(given.array), len(mechanism.coordinates)))  # those of fixed joints may be left out
+    q = np.zeros((len(given.array), len(mechanism.coordinates)))  # coordinates of fixed joints may be missing
     q[:, mechanism.columns(given.components)] = given.array
     return q
 
@@ -67,7 +68,7 @@ def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
 def other_assemblies(
     mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]
 ) -> Mapping[frozenset[str], str]:
-    """Return a message for each pair of engines in different assembly modes, or with an engine not in the home mode.
+    """Return a message for each pair of engines that are in different assembly modes, or not both in the home mode.
 
     Joint positions that do not close the description's loops are ignored, because their geometry differs.
     """
@@ -93,19 +94,19 @@ def _away_from_home(
     """Return a message for each pair with an engine whose given motion is not in the home assembly mode.
 
     The engine `screw` follows that mode, so nothing is checked if it took part. Simulations are not checked, because
-    they may leave the mode: where coordinates do not determine the motion, inertia does.
+    they may leave the mode: where the independent coordinates do not determine the motion, inertia determines it.
     """
     if isinstance(task, InitialValue) or any(one.engine == "screw" for one, _ in known):
         return {}
     mode, sentences = AssemblyMode(layout(mechanism), strict=True), dict[frozenset[str], str]()
     try:
         home = mode.motion(task.y, task.t, (task.yd, task.ydd), task.drive)
-    except ScrewgaugeError:  # preflight reports it
+    except ScrewgaugeError:  # preflight reports this error
         return {}
     for one, q in known:
         rows = np.arange(len(task)) if one.rows is None else one.rows
         if when := _describe_difference(mechanism, task.t[rows], (home[rows], q[rows])):
-            sentence = f"{one.engine} is in a different assembly mode from home {when}"
+            sentence = f"{one.engine} is not in the home assembly mode {when}"
             sentences |= {frozenset((one.engine, other.engine)): sentence for other, _ in known if other is not one}
     return sentences
 
@@ -159,7 +160,8 @@ def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dic
         solutions: Name -> solution, in the order of the run.
 
     Returns:
-        The converted solutions in the same order, each with a note if its angles were the other triple.
+        The converted solutions in the same order, with a note on each solution whose angles were converted from the
+        equivalent triple.
     """
     ordered = reference_first(solutions.values())
     complete = (one for one in ordered if _POSITION in one.values and _has(one.values[_POSITION], mechanism))
@@ -200,7 +202,7 @@ def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solu
 
 
 def _coordinates(mechanism: Mechanism, one: Solution) -> Array:
-    """Return the known joint coordinates of a solution, NaN elsewhere. Shape (n, n_q)."""
+    """Return the known joint coordinates of a solution, with NaN elsewhere. Shape (n, n_q)."""
     given = one.values.get(_POSITION)
     if given is None and one.assembly is not None:
         return one.assembly
@@ -217,7 +219,7 @@ def _angles(joint: Joint) -> list[str]:
 
 
 def _read_angles(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Convert a joint's angles to the chart of `near`, and flag samples with the other triple. Shapes (n, m), (n,)."""
+    """Convert a joint's angles to the chart of `near`, and flag samples with swapped triples. Shapes (n, m), (n,)."""
     known = np.isfinite(near)
     read, swapped = nearest_angles(angles, np.where(known, near, angles))
     if angles.shape[1] < 3:

@@ -84,8 +84,8 @@ def compare(
 
 
 def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
-    """Return True if a quantity can be compared: components must overlap, and open-tree forces must not belong to trees
-    of which one contains the other."""
+    """Return True if a quantity can be compared: components must overlap; for open-tree forces, neither tree may be
+    part of the other tree."""
     names, others = ({*one.values[quantity].components} for one in (a, b))
     return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
 
@@ -106,7 +106,7 @@ def reference_scale(values: Values, unit: str, natural: float) -> float:
 
 
 def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -> dict[str, tuple[str, bool]]:
-    """Map components to the rule that fixes them and True if unique under any rule; "" means all other components."""
+    """Map each component to its rule, and True if it is unique under any rule; "" stands for the other components."""
     if not QUANTITIES[quantity].ruled:
         return {"": ("", True)}
     driven = dict[str, str]()

@@ -1,4 +1,4 @@
-"""Coverage: the share of each kind of term in the compared values, and parameters without influence on them.
+"""Coverage: the share of each kind of term in the compared values, and parameters that do not affect these values.
 
 Engines agree even on wrong terms if these vanish. Coverage examines the terms of the equations, and the parameters that
 form the columns of the regressor of the compared forces: mass, centre of mass and inertia of each body, and the point
@@ -38,7 +38,8 @@ Row = dict[str, Any]
 MOST = 51  # number of samples examined
 #: Largest number of entries in the regressor, which limits the samples, and the fewest samples worth examining.
 NUMBERS, FEWEST = 3_000_000, 3
-#: Fraction of the largest regressor column below which a column is rounding, and of a quantity below which a term is.
+#: Columns below this fraction of the largest regressor column, and terms below this fraction of a quantity, are
+#: rounding.
 NOTHING = 1e-9
 #: Share of inertia in the forces below which a motion tests only statics.
 STATICS = 0.01
@@ -61,10 +62,10 @@ class Coverage:
 
     Attributes:
         shares: Rows with quantity, unit, term and share: the largest magnitude of a kind of term divided by the largest
-            magnitude of the quantity. For the Lie bracket, the term is the change if the bracket is left out.
-        parameters: Rows with parameter, effect, smallest and tested. The effect is the largest scaled change of a
-            compared force if the parameter is wrong by its full size; `smallest` is the share of that size from which
-            an error is out of tolerance.
+            magnitude of the quantity. For the Lie bracket, the term is the change caused by omitting the bracket.
+        parameters: Rows with parameter, effect, smallest and tested. The effect is the largest scaled change in a
+            compared force if the parameter is wrong by its full scale; `smallest` is the fraction of this scale above
+            which an error is out of tolerance.
         hidden: Names of parameters and terms that no motion through these poses reveals.
         planar: Whether all joints move in one plane.
         missing: Why coverage is unknown; empty if it is known.
@@ -78,7 +79,7 @@ class Coverage:
 
     @property
     def untested(self) -> list[str]:
-        """Names of the parameters that could be wrong by their full value."""
+        """Names of the parameters that could be wrong by their full scale."""
         return [row["parameter"] for row in self.parameters if not row["tested"]]
 
     @property
@@ -130,7 +131,7 @@ class Coverage:
 
 
 def _count(parameters: list[str], terms: list[str]) -> str:
-    """Count parameters, naming the first, and list all terms."""
+    """Return a phrase that names the first parameter, counts the others, and lists all terms."""
     more = len(parameters) - 1
     first = [parameters[0] + f" and {more} other{'s' * (more > 1)}" * (more > 0)] if parameters else []
     return ", ".join([*first, *terms])
@@ -167,7 +168,7 @@ def coverage(
     try:
         with np.errstate(all="ignore"):  # NaN at some samples may be finite at others
             return _Composition(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
-    except ScrewgaugeError as error:  # engines raise and report it, too
+    except ScrewgaugeError as error:  # engines also raise and report this error
         return Coverage(missing=f"Coverage is unknown: {error}.")
 
 
@@ -224,7 +225,7 @@ class _Composition:
         return tuple(found), sizes
 
     def _accelerations(self, rows: slice) -> Iterator[Row]:
-        """Yield the relative change of accelerations if terms of the Lie bracket are left out."""
+        """Yield the relative change in accelerations caused by omitting terms of the Lie bracket."""
         for (quantity, unit), array in self.whole.items():
             if quantity in self.wanted:
                 size = max(largest(array[rows]), FLOOR * self.scales[unit])
@@ -263,7 +264,7 @@ def _randomise(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
 
 
 def _by_unit(of: tuple[Array, Array, Array], units: Sequence[str]) -> dict[tuple[str, str], Array]:
-    """Return (quantity, unit) -> values."""
+    """Map (quantity, unit) to values."""
     has, (joints, angular, com) = np.array(units), of
     return {
         **{("joint_acceleration", f"{unit}/s^2"): joints[:, has == unit] for unit in dict.fromkeys(units)},

@@ -1,7 +1,7 @@
-"""Identifiability: wrenches that bodies require due to each term and parameter, and the resulting compared forces.
+"""Identifiability: wrenches that each term and parameter requires on the bodies, and the resulting compared forces.
 
-The compared forces are linear in these wrenches and computed by the witness's mechanics. A wrench on a body is a force
-followed by the moment about the centre of mass, in p cases of n samples: shape (p, n, n_body, 6).
+The compared forces are linear in these wrenches and are computed with the witness's mechanics. For p cases and n
+samples, the wrenches have shape (p, n, n_body, 6): force, then moment about the body's centre of mass.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class CoveredMotion:
 
     @cached_property
     def lost(self) -> dict[str, tuple[Array, Array, Array]]:
-        """Change of the accelerations due to each term of the Lie bracket, in every loop and body."""
+        """Change in the accelerations of joints and bodies due to each term of the Lie bracket."""
         products = velocity_products(self.motion, self.states.qd)
         products["bracket"] = np.sum([*products.values()], axis=0)
         return {term: self._lost(products[term]) for term in BRACKET}
@@ -204,15 +204,16 @@ _AXES = "xyz"
 _Wrench = tuple[Array | float, Array | float]
 _NONE: _Wrench = (0.0, 0.0)
 _Column = tuple[str, int, _Wrench, _Wrench]
-"""Name, body, and the parameter's effect on its needs: force and moment about its centre of mass, own and applied."""
+"""Name, body, and the parameter's effect on the required wrench, first without loads, then due to loads: force, and
+moment about the centre of mass."""
 
 
 def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
     """Return names of inertial parameters, load points, rotors and friction, and derivatives of the required wrenches.
 
-    Each derivative is multiplied by the size of its parameter: the body's mass (or the mechanism's, for a massless
+    Each derivative is multiplied by the scale of its parameter: the body's mass (or the mechanism's, for a massless
     body), the mechanism's length for a centre of mass or load point, and the body's largest moment of inertia about its
-    centre of mass. Massless bodies have no parameters of centre of mass and inertia.
+    centre of mass. Centre of mass and inertia of massless bodies are not parameters.
     """
     columns, resist = [*_of_bodies(now), *_of_loads(now)], now.mechanism.resistances
     parts = np.zeros((2, len(columns) + len(resist), *now.motion.com.p.shape[:2], 6))

@@ -97,10 +97,10 @@ def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
 
 
 def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> tuple[Array, Array]:
-    """Return the work of required wrenches on motions that move no actuator, (n, m), and its largest terms, (m,).
+    """Return the work of required wrenches on motions that move no actuator, (n, m), and the largest terms, (m,).
 
-    The terms include a fraction of the largest force, because rounding of these motions does work against the whole
-    weight, even if, as for a spinning rod, only the bearings carry this weight.
+    The terms include a fraction of the largest force, because rounding errors in these motions do work against the
+    whole weight, even if only the bearings carry this weight, as for a spinning rod.
     """
     required, sizes = residuals.required_wrenches(answer)
     load = residuals.level_sizes(sizes, answer.scales["m"])[:, 1].max(initial=0.0)
@@ -136,7 +136,7 @@ def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMo
 
 
 def _steps(answer: Answer, given: GivenMotion) -> Array:
-    """Return the duration of a step from each sample, at most to the next one [s]; negative at the last. Shape (n,)."""
+    """Return the step from each sample [s], at most to the next sample; negative at the last sample. Shape (n,)."""
     fall = (G0 / answer.scales["m"]) ** 0.5
     speed = max(fall, answer.fastest(1, "rad/s"), answer.fastest(2, "rad/s^2") ** 0.5)
     h = np.full(len(given), SHARE / speed)

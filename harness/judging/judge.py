@@ -64,7 +64,7 @@ def judge(
     if isinstance(task, GivenMotion):
         looser = {name: tolerance_of(name) for name in QUANTITIES if tolerance_of(name) > tolerance}
         whole, some = (answer_at(mechanism, problem, solution, part, tolerance, looser) for part in (rows, rows[few]))
-        # closure of accelerations needs velocities: missing ones are computed at a few samples
+        # closure of accelerations needs velocities: missing velocities are computed at a few samples
         table = [*closure(whole, task.part(rows), range(3 if whole.has("joint_velocity") else 1))]
         if not {*whole.values} <= {"joint_position", "joint_velocity"}:
             table += _judge_bodies(whole, some, task.part(rows[few]))
@@ -95,7 +95,7 @@ def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals
     """Yield residuals of body motions and forces, and of accelerations if velocities are missing.
 
     Args:
-        whole, some: The answer at all samples and at a few; all samples are judged if no quantity is missing.
+        whole, some: The answer at all samples and at a few samples; all samples are judged if no quantity is missing.
         motion: The given motion at the few samples.
     """
     tree, forces = (any(some.has(name) for name in names) for names in (residuals.TREE_FORCES, _FORCES))
@@ -136,7 +136,8 @@ def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residu
 
 
 def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Residuals:
-    """Yield closure residuals of loops and couplings in position, velocity and acceleration, and deviations of y.
+    """Yield closure residuals of loops and couplings in position, velocity and acceleration, and deviations from the
+    given y.
 
     Args:
         given: The given motion, if any; second derivatives of its idle coordinates follow from the forces.
@@ -189,9 +190,9 @@ def admitted_motion(answer: Answer) -> AdmissibleMotion:
 
 
 def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]) -> dict[str, float]:
-    """Return the size of the terms of rates, accelerations and forces at the states of a motion, by unit.
+    """Return unit -> magnitude of the terms of rates, accelerations and forces at the states of a motion.
 
-    The smallest size over all answers is returned, so that no engine can make its own errors look small.
+    The smallest magnitude over all answers is returned, so that no engine can make its own errors look small.
     """
     found = list[dict[str, float]]()
     for solution in solutions:
@@ -219,7 +220,7 @@ def _summands(answer: Answer) -> dict[str, float]:
 def answer_in_motion(
     mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows
 ) -> tuple[Answer, AdmissibleMotion]:
-    """Return the answer at some samples, completed if the motion is given, and the motions that its loops admit."""
+    """Return the answer at some samples, completed if the motion is given, and the motions that the loops admit."""
     answer = answer_at(mechanism, problem, solution, rows)
     admissible = admitted_motion(answer)
     if isinstance(problem.task, GivenMotion):

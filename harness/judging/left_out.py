@@ -77,7 +77,7 @@ class LeftOutTerm:
 
 
 Needed = dict[str, Array]
-"""Kind -> body needs for it: force, and moment about the centre of mass. Shape (n, n_body, 6)."""
+"""Kind -> wrench that it requires on each body: force, moment about the centre of mass. Shape (n, n_body, 6)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +212,7 @@ def added_forces(parts: MeasuredParts, quantity: str, names: Sequence[str]) -> d
 
 
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
-    """Yield the kinds of an entry, and the required wrenches on bodies for each."""
+    """Yield each kind of force in an entry, with the required wrenches on bodies."""
     match one:
         case StrokeResistance() if one.path:
             yield from _along_path(answer, one)
@@ -240,7 +240,8 @@ def _shape(answer: Answer) -> tuple[int, int, int]:
 
 
 def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Array, point: Array) -> Array:
-    """Return wrenches of a force at a point and a moment on the second of two bodies, and the reaction on the first."""
+    """Return the wrenches of a force at a point and a moment on the second of two bodies, and their reactions on the
+    first body."""
     total, index = np.zeros(_shape(answer)), answer.mechanism.body_index
     for body, sign in zip(bodies, (-1.0, 1.0), strict=True):
         if (i := index.get(body, 0) - 1) >= 0:
@@ -275,7 +276,7 @@ def _resisting(one: StrokeResistance, stroke: Array, rate: Array, acceleration: 
 
 
 def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Array]]:
-    """Yield the kinds along a path, and the required wrenches at its ends and bends."""
+    """Yield each kind of force along a path, with the required wrenches at the ends and bends of the path."""
     frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
     at = answer.motion.links.frames(stack_frames(frames))
     way, apart, gained = (np.diff(getattr(at, name), axis=1) for name in "pva")
@@ -297,7 +298,7 @@ def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Ar
 
 
 def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Array]]:
-    """Yield the kinds of a ball joint, and the required wrenches.
+    """Yield each kind of force in a ball joint, with the required wrenches.
 
     Moments are about the child's axes; a free joint also has forces along world axes.
     """

@@ -49,7 +49,7 @@ class Residual:
 
     @property
     def share(self) -> float:
-        """Error divided by its tolerance; infinite if either is missing."""
+        """Error divided by its tolerance; infinite if the error or the tolerance is missing."""
         size = self.error / self.tolerance if self.tolerance else math.inf
         return size if math.isfinite(size) else math.inf
 
@@ -68,8 +68,8 @@ class SizedResidual(Residual):
         scale: Divisor of the errors [unit].
         rule: Rule that fixes the quantity if it is redundant.
         unique: Whether the quantity's value is the same under any rule.
-        undecided: Number of samples out of tolerance but within the errors that the engines estimate themselves; 0 if
-            the error exceeds these estimates at any sample.
+        undecided: Number of samples out of tolerance but within the engines' own error estimates; 0 if the error
+            exceeds these estimates at any sample.
     """
 
     max_abs: float = math.nan

@@ -110,8 +110,9 @@ def amount(answer: Answer, quantity: str, unit: JointWrench) -> Array:
 def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
     """Yield the balance residual of each body under the reported reactions and actuator forces.
 
-    It is scaled by the largest force on the body, or moment divided by the mechanism's length. Rounding of a force also
-    causes rounding of its moment, even if the force has no lever at this body.
+    The residual is scaled by the largest force on the body, or by the largest moment divided by the mechanism's length
+    if this is larger. Rounding of a force also causes rounding of its moment, even if the lever arm at this body is
+    zero.
     """
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
@@ -137,13 +138,13 @@ def power_balance(answer: Answer, required: Array, sizes: Array) -> Residuals:
     moved = np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
     taken, terms = required * moved, np.repeat(sizes, 3, axis=1) * moved
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
-    # at a dead centre the sum is zero, and only its terms show the size of rounding
+    # at a dead centre the sum is zero, and only its terms show how large rounding is
     size, about = largest(given, terms, _loose(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
     yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
 
 
 def _loose(answer: Answer, rates: Array) -> Array:
-    """Return the power of the actuator forces whose tolerance the scene loosens; rates are (n, n_actuator, ...)."""
+    """Return the power of actuator forces whose tolerance the scene loosens; `rates` has shape (n, n_actuator, ...)."""
     forces = [answer.loose_scale("actuator_force", unit) for unit in answer.mechanism.actuator_units]
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
@@ -196,7 +197,7 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
 
 
 def _deviations(answer: Answer, name: str, names: Sequence[str], units: Sequence[str], right: Array) -> Residuals:
-    """Yield a reported quantity minus its right values, all scaled by the largest in the mechanism's length. (n, m)."""
+    """Yield a reported quantity minus its right values `right`, (n, m); the mechanism's length converts the scale."""
     missing, length = answer.values[name].pick(tuple(names)).array - right, answer.scales["m"]
     load = largest(right / [arm(unit, length) for unit in units])
     for unit in dict.fromkeys(units):
@@ -317,7 +318,7 @@ def force_rule(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Re
 
 
 def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
-    """Yield the part of the actuator forces without effect on motion, which vanishes for minimum-norm forces.
+    """Yield the part of the actuator forces that does not affect motion; it vanishes for minimum-norm forces.
 
     Minimum-norm forces are orthogonal to every preload. A preload does no work on any admissible motion.
     """
@@ -355,7 +356,7 @@ def _axial(answer: Answer) -> Residuals:
 def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
     """Yield the energy gained since the first sample minus the work done since then [J], if known.
 
-    It is scaled by its largest term: kinetic energy, gravity, springs or work.
+    The residual is scaled by its largest term: kinetic energy, gravity, springs or work.
 
     Args:
         looser: The same motion integrated with looser tolerances; changes in the balance count as integration error.

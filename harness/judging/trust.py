@@ -1,8 +1,8 @@
 """Trustworthy accuracy: estimated errors, singular poses passed, integration errors, rejected samples.
 
 Errors are estimated from conditioning, and for simulations also from integration: the same motion, integrated with
-looser tolerances, shows the size of the integration error. For samples without numbers, the singularity that is the
-reason is found from the description."""
+looser tolerances, shows the size of the integration error. For samples without numbers, the responsible singularity is
+found from the description."""
 
 from __future__ import annotations
 
@@ -78,7 +78,8 @@ def examine_path(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, A
     Args:
         q: Joint coordinates of the description, as an engine integrated them. Shape (m, n_q).
         t: Times [s]. Shape (m,).
-        near: Condition number assumed for a singular pose between two samples; poses above it are stepped over.
+        near: Condition number assumed for a singular pose between two samples; poses with a larger number are stepped
+            over.
 
     Returns:
         Largest condition number of the closed loops over y up to each sample, shape (m,).

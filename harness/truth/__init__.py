@@ -1,7 +1,7 @@
 """The truth: motion and forces in ball arithmetic, each number with a rigorous radius.
 
-It takes only the tables of a description, their names and an unverified starting guess of the positions from
-`screwgauge.reference`, and is independent of its equations. It needs python-flint (the extra ``truth``).
+From `screwgauge.reference`, the engine takes only the tables of a description, their names and an unverified starting
+guess of the positions; it does not use the equations there. The engine needs python-flint (the extra ``truth``).
 """
 
 #: Largest number of samples that the engine solves.

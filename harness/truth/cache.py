@@ -1,9 +1,9 @@
 """Disk cache of results and machine code, keyed by their inputs and trusted only if this user's program wrote them.
 
 Each file carries a code (HMAC) of its key, of the version that wrote it and of its content. The secret for this code is
-stored in the same folder. Each line of a journal of long work carries such a code, too. A file that was edited or
-exchanged for a different one is therefore not used but computed again, and machine code and scripts in pages are used
-only as this program wrote them.
+stored in the same folder. Each line in the journal of a long computation also carries such a code. The content of a
+file that was edited or replaced is therefore computed again rather than used, and machine code and scripts in pages are
+used only as this program wrote them.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def _content(place: int, name: str) -> bytes | None:
     """Return the content of a file in the folder; None if the file does not exist.
 
     Raises:
-        OSError: The file is not a regular file, is a link or too large, or other users own or can write it.
+        OSError: The file is a link, not a regular file, or too large; or other users own the file or can write to it.
     """
     try:
         file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=place)
@@ -204,7 +204,7 @@ def _secret(place: int) -> bytes:
 
 
 def _put(place: int, name: str, data: bytes, *, replace: bool = True) -> None:
-    """Write a file atomically; with `replace` off, only if it does not exist."""
+    """Write a file atomically; unless `replace` is set, only if the file does not exist."""
     fresh = f".new-{secrets.token_hex(8)}"
     file = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=place)
     try:

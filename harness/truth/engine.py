@@ -237,7 +237,7 @@ def _notes(table: SampleTable, names: Names, mechanism: Mechanism, how_many: str
     if rows > len(mechanism.coordinates):
         notes.append(
             "the mechanism is overconstrained: its redundant loops close within the radii, which does not prove that "
-            "they close; undetermined reactions are one choice that balances"
+            "they close; undetermined reactions are one set out of many that satisfy the balance"
         )
     if table.reasons:
         notes.append(

@@ -242,7 +242,7 @@ def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
 
 
 def drive(terms: Terms, t: float) -> list[Jet]:
-    """Return the series ``[y, y', y''/2]`` of each coordinate at a time, whose double counts as exact."""
+    """Return the series ``[y, y', y''/2]`` of each coordinate at a time, treating the time's double as exact."""
     return [_one(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
 
 
@@ -257,6 +257,6 @@ def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:
 
 
 def samples(motion: GivenMotion, i: int) -> list[Jet]:
-    """Return the series of each coordinate at one sample, whose doubles count as exact."""
+    """Return the series of each coordinate at one sample, treating its doubles as exact."""
     columns = zip(motion.y[i].tolist(), motion.yd[i].tolist(), motion.ydd[i].tolist(), strict=True)
     return [[arb(y), arb(yd), arb(ydd) / 2] for y, yd, ydd in columns]

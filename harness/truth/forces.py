@@ -21,7 +21,7 @@ from screwgauge.truth.linkage import AXES, Linkage, split
 
 
 class RoutesDisagree(NotCertified):
-    """Raised when the enclosures by the two routes are disjoint, which proves that one route is wrong."""
+    """Raised when the enclosures from the two routes are disjoint, which proves that one route is wrong."""
 
 
 BallLoad = tuple[int, Vector | None, Vector, Vector]
@@ -67,7 +67,7 @@ class Unknown:
 
 
 def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
-    """Compute the generalized actuator force along each independent coordinate by route 1 [N m or N]."""
+    """Compute the generalized actuator force along each independent coordinate, using route 1 [N m or N]."""
     forces, resisted = [], [*resisting_forces(linkage, now)]
     second = [2 * T[2] for T in now.bodies]
     for j in range(now.partial.ncols()):
@@ -85,7 +85,7 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
 
 
 def resisting_forces(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
-    """Yield the column of the coordinate of each rotor, damper and dry friction, and the force along it.
+    """Yield the coordinate's column, and the force along the coordinate, for each rotor, damper and dry friction.
 
     Raises:
         NotCertified: The sign of a rate, which determines the direction of friction, is not certain.
@@ -158,7 +158,7 @@ def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]],
     """Return body twists about their origins, and point velocities, per rate of each actuator, row by row.
 
     Args:
-        points: Index of the body, and position in the body, of each point.
+        points: For each point, the index of its body and its position in that body.
         idle: Coordinates that no actuator drives; they are at rest.
     """
     rows, origin = linkage.mechanism.actuated_columns, [arb(0)] * 3
@@ -217,7 +217,7 @@ def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_m
 
 
 def actuator_units(linkage: Linkage, now: State) -> list[Unknown]:
-    """List the actuators as unit forces or moments: actuators of joints along their axes, then all others."""
+    """List the actuators as unit forces or moments: actuators of joints along their axes, then all other actuators."""
     actuators, index = [], linkage.mechanism.body_index
     for joint in linkage.mechanism.actuators:
         frames = linkage.frames[joint.name]
@@ -250,7 +250,7 @@ def balance_columns(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> l
 
 
 def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
-    """Return the effect of each coupling on the bodies: 1 along its coordinate, minus the slope along each other."""
+    """Return each coupling's effect on the bodies: 1 along its coordinate, minus the slope along other coordinates."""
     q, columns = [x[0] for x in now.q], []
     for tie in linkage.ties:
         column = [arb(0)] * (6 * len(linkage.masses))
@@ -295,8 +295,8 @@ def newton_euler(
 
     Minimum-norm actuator forces lie in the range of B, ``f = B z``. The unknowns are then z, and the system is square
     unless the mechanism is overconstrained. With the rule ``spherical_axial``, the unknowns are f, and the rule adds
-    its own rows. If redundant constraints leave reactions undetermined, one balancing choice is returned. Forces along
-    undriven coordinates are also unknowns; their solutions must be zero.
+    its own rows. If redundant constraints leave reactions undetermined, one set of reactions that satisfies the balance
+    is returned. Forces along undriven coordinates are also unknowns; their solutions must be zero.
 
     Args:
         B: Velocities of the actuators per velocity of the independent coordinates that they drive.
@@ -327,7 +327,7 @@ def newton_euler(
 
 
 def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float) -> list[arb]:
-    """Solve for the coefficients of the columns; dependent columns are omitted and get zero."""
+    """Solve for the coefficients of the columns; dependent columns are omitted, and their coefficients are zero."""
     chosen = list(range(len(columns)))
     if len(columns) > len(right):
         table = floats(arb_mat(columns)) / np.resize(np.repeat([1.0, length], 3), len(right))

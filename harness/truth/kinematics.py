@@ -1,10 +1,10 @@
 """Certified closed poses, and their velocities and accelerations, in balls.
 
-The start may be any guess and is not trusted. Newton's method in high precision is followed by an interval Newton step:
-if Krawczyk's operator maps a small box into its own interior, the box contains exactly one solution of the loop
-equations, and the image encloses this solution. The equations hold at every time, so every coefficient of their power
-series is zero. Solving them order by order yields the series of the joint coordinates; the motion of the bodies then
-follows from the series of their matrices.
+Any guess may serve as the start, and the start is not trusted. Newton's method in high precision is followed by an
+interval Newton step: if Krawczyk's operator maps a small box into its own interior, the box contains exactly one
+solution of the loop equations, and the image encloses this solution. The equations hold at every time, so every
+coefficient of their power series is zero. Solving them order by order yields the series of the joint coordinates; the
+motion of the bodies then follows from the series of their matrices.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _singular() -> NotCertified:
 
 
 def independent_rows(J: Array, n: int) -> list[int]:
-    """Select n rows of full rank from dimensionless J, preferring the last (selection) rows; all if J has n rows.
+    """Select n rows of full rank from dimensionless J, preferably the last (selection) rows; all rows if J has n.
 
     A mechanism with redundant constraints has more closing equations than coordinates. The rows left out are only
     checked to hold within the enclosures.
@@ -101,7 +101,7 @@ class Certifier:
         """Run Newton's method; return a pose and an approximate inverse of its Jacobian.
 
         Args:
-            J: Jacobian of the start in doubles, used in all steps. If None, every step uses its own Jacobian with all
+            J: Jacobian at the start in doubles, used in all steps. If None, every step uses its own Jacobian with all
                 digits, because near a singular pose doubles have too few digits.
         """
         m = [arb(x) for x in start]
@@ -149,7 +149,7 @@ class Certifier:
             if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
                 return image, self._square(image, rows)
             r = r * 64
-        raise NotCertified("Krawczyk's test does not hold", "", "keep the motion away from singular poses")
+        raise NotCertified("Krawczyk's test fails", "", "keep the motion away from singular poses")
 
 
 def floats(M: arb_mat) -> Array:
@@ -225,8 +225,8 @@ def coarse_decimals(linkage: Linkage, reason: str) -> LoopsOpen:
         reason: Why the motion could not be enclosed.
     """
     what = (
-        f"{redundant_rows(linkage)} redundant closing equations are open by the rounding of decimals, which is too "
-        f"coarse to enclose the motion here ({reason})"
+        f"{redundant_rows(linkage)} redundant closing equations stay open because the decimals are rounded too "
+        f"coarsely to enclose the motion here ({reason})"
     )
     return LoopsOpen(what, "", "write lengths and angles as expressions such as 'sqrt(2)'")
 

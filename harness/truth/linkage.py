@@ -58,7 +58,7 @@ class Tie:
         return error
 
     def shares(self, q: Sequence[arb]) -> list[tuple[int, arb]]:
-        """Return the derivative of the error by each coordinate: pairs of a column and 1 or -p_k'."""
+        """Return the derivative of the error with respect to each coordinate: pairs of a column and 1 or -p_k'."""
         slopes = [(k, -_series(polynomial, [q[k], arb(1)])[1]) for k, polynomial in self.leads if k is not None]
         return [(self.column, arb(1)), *slopes]
 
@@ -83,7 +83,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
 
 
 def dual_axis(axes: Sequence[Vector], i: int) -> Vector:
-    """Return the vector in the span of one to three axes with scalar product 1 with axis i, and 0 with the others."""
+    """Return the vector in the span of one to three axes with dot product 1 with axis i and 0 with the other axes."""
     if len(axes) == 1:
         return axes[0]
     # two axes may be orthogonal only up to rounding; the third is orthogonal to both
@@ -101,11 +101,11 @@ def owner(mechanism: Mechanism, column: int) -> tuple[Joint, int]:
 
 
 def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) -> list[tuple[bool, Vector]]:
-    """Return flags for rotation and the world axes of a joint's degrees of freedom, each moved by its predecessors.
+    """Return rotation flags and world axes of a joint's degrees of freedom; the preceding motions turn each axis.
 
     Args:
         steps: Flag for rotation, axis in the joint frame, and matrix (4, 4) of each degree of freedom.
-        start: The joint frame on the parent, in the world. Shape (4, 4).
+        start: World pose of the joint frame on the parent. Shape (4, 4).
     """
     axes = []
     for turns, axis, matrix in steps:
@@ -115,7 +115,7 @@ def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) ->
     return axes
 
 
-#: Unit vectors of a frame's axes, exactly.
+#: Exact unit vectors of a frame's axes.
 AXES: tuple[Vector, ...] = tuple([arb(int(i == k)) for i in range(3)] for k in range(3))
 
 
@@ -173,8 +173,8 @@ class Linkage:
         masses: Mass properties of each body.
         length: Largest coordinate of a joint frame's origin in its body [m], or 1 if all are zero; scales the rows.
         axial: Joint and direction of the rule ``spherical_axial``, as in the description.
-        loops: For each cut joint, the coordinates in its loop: (column, whether on the path to the child through the
-            cut joint, whether on the child's path in the tree).
+        loops: For each cut joint, the coordinates in its loop: (column, whether it lies on the path to the child
+            through the cut joint, whether it lies on the child's path in the tree).
         ties: The couplings.
     """
 
@@ -300,7 +300,7 @@ def _walk(T: MatrixJet, steps: Iterable[Step], q: Sequence[Jet], spots: dict[int
 
 
 def _is_identity(T: arb_mat) -> bool:
-    """Return True if T is certainly the identity; `!=` of balls returns False even if they only may be equal."""
+    """Return True if T is certainly the identity; `!=` returns False even for balls that are only possibly equal."""
     return bool(identity(4) == T)
 
 
@@ -322,7 +322,7 @@ def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
 
 
 def split(axis: Vector) -> list[tuple[str, Vector]]:
-    """List labels and directions: two across an axis and one along it. All are frame axes if the axis is one."""
+    """List labels and directions: two across an axis and one along it; frame axes if the given axis is a frame axis."""
     k = max(range(3), key=lambda i: abs(float(axis[i].mid())))
     across = [i for i in range(3) if i != k]
     if all(axis[i] == 0 for i in across):

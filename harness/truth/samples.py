@@ -197,7 +197,7 @@ def _motion(linkage: Linkage, now: State) -> Balls:
 
 
 def _load_of_doubles(load: Load, body: int) -> VaryingLoad:
-    """Convert a load, whose doubles count as exact."""
+    """Convert a load, treating its doubles as exact."""
     at, turns = None if load.point is None else vector(load.point.tolist()), load.axes == "body"
     if not load.courses:
         each = [([arb(x)], list[Vector]()) for x in (*load.force.tolist(), *load.torque.tolist())]
@@ -226,7 +226,7 @@ def _load_of_text(table: Mapping[str, Any], index: Mapping[str, int]) -> Varying
 
 
 def enclose_sample(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
-    """Compute a sample with the first sampler whose balls are narrow, or with the last sampler if none is.
+    """Compute a sample with the first sampler that gives narrow balls, or else with the last sampler.
 
     Raises:
         NotCertified: The last sampler could not enclose the sample either.

@@ -29,7 +29,7 @@ UNCLEAR = 1e-11, 1e-5
 
 
 def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict[str, Array]:
-    """Return each closure's second frame relative to the first in world axes.
+    """Return the displacement of each closure's second frame relative to its first, or a derivative, in world axes.
 
     Args:
         order: Order of the derivative, up to 2; derivatives of a weld's rotation are valid where the weld is closed.
@@ -104,7 +104,7 @@ def gaps_and_rows(tree: SpanningTree, states: TreeStates) -> tuple[Array, Array]
 
 
 def gap_bias(tree: SpanningTree, states: TreeStates) -> Array:
-    """Return the second derivative of all gaps, Jdot v; a weld's rotation counts as closed. Shape (n, m)."""
+    """Return the second derivative of all gaps, Jdot v; rotations of welds are treated as closed. Shape (n, m)."""
     states = replace(states, qdd=np.zeros_like(states.qdd))
     return residual(tree, states, move(tree, states), 2)
 

@@ -163,7 +163,7 @@ def _entry(tree: SpanningTree, name: str) -> Array:
 
 
 def rotor_acceleration(tree: SpanningTree, states: TreeStates) -> Array:
-    """Return the acceleration that armature resists; a free joint's translation counts in world axes.
+    """Return the acceleration that armature resists; a free joint's translation is taken in world axes.
 
     Shape (n, n_freedom).
     """

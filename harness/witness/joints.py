@@ -41,8 +41,8 @@ JOINT_KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
 def freedoms(joint: Joint) -> list[tuple[str, Array]]:
     """List a joint's elementary joints in order, each as its kind and its axis in the joint's frame.
 
-    Hinges have the joint's axes. A single slide is along the first axis, two slides are across it, and three slides are
-    along the frame's axes.
+    Hinges have the joint's axes. A single slide is along the first axis, two slides are orthogonal to this axis, and
+    three slides are along the frame's axes.
     """
     kinds = JOINT_KINDS[joint.kind][0]
     ways = {2: list(orthogonal_axes(joint.axes[0]).values()), 3: list(np.eye(3))}
@@ -111,8 +111,8 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
 def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> tuple[SpanningTree, list[int], Array]:
     """Build the open tree of the named joints; a joint that would close a loop leads to a copy of its body.
 
-    A body and its copies have equal shares of the mass. Ground has no copies: a joint whose child is ground is walked
-    from ground.
+    A body and its copies have equal shares of the mass. Ground has no copies: a joint whose child is ground is
+    traversed from ground.
 
     Returns:
         The tree; the index in the mechanism of each of its bodies, with copies last; and their mass shares, (m,).
@@ -150,7 +150,7 @@ def _append_links(
     """Append the links of a joint; return the frame of the body beyond it.
 
     Args:
-        near: Frame of the body from which the links start; this is the child if `reverse`.
+        near: Frame of the body from which the links start; if `reverse`, this body is the joint's child.
     """
     (_, start), (_, end) = joint.sides[::-1] if reverse else joint.sides
     steps = [*zip(freedoms(joint), mechanism.columns(joint.coordinates), strict=True)]

@@ -162,7 +162,7 @@ def velocity_products(motion: TreeMotion, qd: Array) -> dict[str, Array]:
         qd: Velocities of a tree of hinges and slides. Shape (n, n_freedom).
 
     Returns:
-        Term -> angular acceleration, then acceleration of the point at the world's origin. Shape (n, n_freedom, 6).
+        Term -> angular acceleration, then acceleration of the point at the world origin. Shape (n, n_freedom, 6).
     """
     links, before = motion.links, motion.tree.starts.link[motion.tree.velocity[0] - 1]
     w1, v1 = links.w[:, before], (links.v - cross(links.w, links.p))[:, before]

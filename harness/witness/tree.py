@@ -67,7 +67,7 @@ class TreeLink(NamedTuple):
 
 
 class LoopConstraint(NamedTuple):
-    """Two frames with coincident origins (``point``) or fully aligned (``weld``)."""
+    """Two frames whose origins coincide (``point``), or which are fully aligned (``weld``)."""
 
     kind: str
     first: FixedFrame
@@ -75,8 +75,8 @@ class LoopConstraint(NamedTuple):
 
 
 Coupled = tuple[int, int, float, tuple[tuple[int, int, Array], ...]]
-"""A polynomial sum of coordinates: its column, that of its velocity, and the constant; then both columns of each other
-coordinate, and coefficients of its powers, that of 1 first."""
+"""A coordinate equal to a sum of polynomials in other coordinates: its column, its velocity's column, and the constant;
+then, for each other coordinate, both columns and the polynomial's coefficients, lowest power first."""
 
 
 def coupled_column(columns: Mapping[str, tuple[int, int]], coordinate: str, function: PolynomialSum) -> Coupled:
@@ -93,13 +93,13 @@ class SpanningTree:
         links: Links, each after its parent; numbered from 1.
         freedom: Number of velocities.
         bodies: Frames of the bodies.
-        mass, com, inertia: Mass [kg], centre of mass [m] and inertia about it [kg m^2] of each body, in its axes.
-            Shapes (n_body,), (n_body, 3), (n_body, 3, 3).
+        mass, com, inertia: Mass [kg], centre of mass [m] and moment of inertia about this centre [kg m^2] of each body,
+            in body axes. Shapes (n_body,), (n_body, 3), (n_body, 3, 3).
         closures, couplings: Constraints by name.
         gravity: Gravity [m/s^2]. Shape (3,).
         weight: Share of gravity that acts on each body. Shape (n_body,) or a number.
         passive: ``armature``, ``damping``, ``friction`` and ``stiffness`` of each velocity, and ``rest``, the position
-            at which springs exert no force; either all entries or none. Shape (n_freedom,).
+            at which springs exert no force; contains either all of these entries or none. Shape (n_freedom,).
         length: Length of the machine [m].
     """
 

@@ -26,7 +26,7 @@ class JointWrench:
     """Wrench of a joint's parent on its child.
 
     Attributes:
-        name, unit: Component of a reaction or an actuator force, or coordinate, along which it acts; N or N m.
+        name, unit: Name of the reaction component, actuator or coordinate along which the wrench acts; N or N m.
         force, moment: In world axes, one of them zero. Shape (n, 3), or (3,) for zero.
         point: Point of application [m]. Shape (n, 3).
     """
@@ -39,7 +39,7 @@ class JointWrench:
     point: Array
 
     def on_bodies(self, tree: MechanismTree, com: Moving) -> Iterator[tuple[int, Array]]:
-        """Yield the bodies acted on, except ground, with force, then moment about the centre of mass. Shape (n, 6)."""
+        """Yield each loaded body except ground, with force, then moment about the centre of mass. Shape (n, 6)."""
         for side, sign in ((self.joint.child, 1.0), (self.joint.parent, -1.0)):
             body = tree.mechanism.body_index[side] - 1
             if body >= 0:
@@ -49,10 +49,10 @@ class JointWrench:
 
 
 def wrench_columns(parts: Sequence[JointWrench], tree: MechanismTree, com: Moving) -> tuple[dict[str, str], Array]:
-    """Return the components of unit wrenches with their units, and the effect of each on each body.
+    """Return the components of unit wrenches with their units, and the effect of each component on each body.
 
     Args:
-        parts: Unit wrenches; those of a coupling, on several joints, have the same name.
+        parts: Unit wrenches; the unit wrenches of a coupling, which act on several joints, have the same name.
 
     Returns:
         Component -> N or N m; and force, then moment about the centre of mass. Shape (n, n_body, 6, m).
@@ -117,7 +117,7 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
 
 
 def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[JointWrench]:
-    """Yield powerless wrenches of couplings: 1 along the coordinate, minus the slope along each other coordinate."""
+    """Yield workless wrenches of couplings: 1 along the coordinate, minus the slope along each other coordinate."""
     rows, mechanism = coupling_rows(tree, q), tree.mechanism
     for k, one in enumerate(mechanism.couplings):
         names = one.named
@@ -128,7 +128,7 @@ def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator
 
 
 def coordinate_wrench(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> JointWrench:
-    """Return a force along a coordinate that does no work on the joint's others; `amount` has shape (n,)."""
+    """Return a force along a coordinate that does no work on the joint's other coordinates. `amount`: shape (n,)."""
     joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(tree, motion, joint)
     unit = force_along(joint, coordinate, near, q[:, tree.mechanism.columns(joint.coordinates)])
@@ -138,7 +138,7 @@ def coordinate_wrench(tree: MechanismTree, motion: TreeMotion, q: Array, coordin
 
 
 def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
-    """Return force and moment of a unit force along a joint coordinate; it does no work on the others. (n, 3) each.
+    """Return a unit force along a coordinate without work on the joint's other coordinates: force, moment, (n, 3).
 
     Args:
         near: World axes of the joint's frame on its parent. Shape (n, 3, 3).
@@ -163,11 +163,11 @@ def _frames(tree: MechanismTree, motion: TreeMotion, joint: Joint) -> tuple[Arra
 def constrained_directions(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
     """Return the constrained directions of a joint; labels such as ``fx`` are forces, and ``mx`` moments.
 
-    Forces of joints with rotations only, and of fixed joints, are along the world's axes. Moments of a P joint are
-    along all three axes of the child's joint frame. The force of an E joint is along its normal, labelled by the frame
-    axis if it is one. The moment of a U joint is along the cross product of its first and second axes. All remaining
-    forces and moments are along the two directions across the joint's axis. These are axes of the child's joint frame
-    if the joint's axis is one, and are labelled 1 and 2 if not.
+    Forces of joints with rotations only, and of fixed joints, are along the world axes. Moments of a P joint are along
+    all three axes of the child's joint frame. The force of an E joint is along the normal, and is labelled with the
+    frame axis if the normal is a frame axis. The moment of a U joint is along the cross product of its first and second
+    axes. All remaining forces and moments are along the two directions across the joint's axis. These directions are
+    axes of the child's joint frame if the joint's axis is a frame axis; if not, they are labelled 1 and 2.
 
     Args:
         near, far: World axes of the joint's frame on its parent and on its child. Shape (n, 3, 3).
@@ -206,7 +206,7 @@ def exerted_wrenches(
     """Yield the wrenches of loads, springs, dampers and motors, and of rotors and friction of joints.
 
     Args:
-        resist: Rotors, damping and dry friction to include, by default all of the mechanism's.
+        resist: Rotors, damping and dry friction to include; by default all in the mechanism.
 
     Yields:
         Index of a body, ground excluded; force and moment, shape (n, 3) or (3,); and the vector from the centre of mass
