@@ -104,7 +104,7 @@ def test_routes_that_disagree_are_an_error(monkeypatch):
         b = right(linkage, now, gravity, loads)
         return [b[0] + arb(2) ** -100, *b[1:]]  # 1e-30 N
 
-    monkeypatch.setattr("screwgauge.truth.samples.required", wrong)
+    monkeypatch.setattr("screwgauge.truth.samples.required_wrenches", wrong)
     results = screwgauge.run(screwgauge.load_scene("3ups-upu-s-fast").at([0.1]), engines=["screw", "truth"])
     assert results.exit_status == 3
     assert "RoutesDisagree: t = 0.1 s" in results.failures["truth"].reason

@@ -157,7 +157,7 @@ def describe(
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
     remarks = [*moves, *graph.remarks, *followers, *composites, *odd_choices, *gears, *odd]
     if not reading.actuators and options.actuated is None:
-        open_chain = "every uncoupled hinge and slide of the open chain"
+        open_chain = "every hinge and slide of the open chain that follows no other joint"
         rule = "every independent hinge and slide" if reading.closures else open_chain
         driven = few_names(joint.name for joint in mechanism.actuators) or "none"
         remarks.append(f"The file has no actuators: {rule} is driven ({driven}); choose others with --actuated.")

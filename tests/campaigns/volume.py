@@ -1,6 +1,7 @@
 """What compiled programs cost a sample, next to bare inverse dynamics of Pinocchio and MuJoCo on the same tree."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -19,7 +20,7 @@ from screwgauge.models.generate import write_models
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.bench.timing import Protocol, measure
+from screwgauge.study.bench.timing import FULL, measure
 
 FORCES = ("actuator_force",)
 #: Samples of a call, so that buffers stay in the cache: of all quantities, and of forces alone; of `rnea`.
@@ -78,6 +79,6 @@ def measured(calls: Calls, rounds: int = ROUNDS) -> dict[str, float]:
     shares = {name: partial(repeated, name) for name in calls}
     for share in shares.values():
         share()
-    protocol = Protocol(rounds, float("inf"), thread_time_ns)
-    measure(shares, protocol, lambda name, s: spent[name].append(s), spent, dict.fromkeys(calls, 1e-3))
+    plan = replace(FULL, rounds=rounds, clock=thread_time_ns)
+    measure(shares, plan, lambda name, s: spent[name].append(s), spent, dict.fromkeys(calls, 1e-3))
     return {name: median(times) / counts[name] / calls[name][1] for name, times in spent.items()}
