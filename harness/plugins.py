@@ -29,7 +29,7 @@ actuators, and named points (`Point`). Tasks are `GivenMotion` (inverse dynamics
 **Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` returns the ordered
 components and units of each quantity, of type `Names`. `stages` returns the last stage of the computation that the
 wanted quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer` builds the
-solution from a function that solves each part of a motion (`SolvedPart`).
+solution from a function that solves each part of a motion (`SolvedPart`), with condition numbers in a `Trust`.
 
 **Bodies and joints.** `body_poses` computes the poses of bodies from joint coordinates, such as those of the home pose;
 `absolute_poses` computes them from positions and quaternions. `read_joints` reads joint coordinates from poses,
@@ -78,7 +78,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.error_estimate import ACCELERATED, SolvedPart, worst_of
+from screwgauge.engines.error_estimate import ACCELERATED, SolvedPart, Trust, worst_of
 from screwgauge.engines.kit.acting import acting, along_joints, load_point, resistance
 from screwgauge.engines.kit.answers import answer, force_values, inertia_values, motion_values, temporary
 from screwgauge.engines.kit.branch import Branch
@@ -203,6 +203,7 @@ __all__ = [
     "Trace",
     "TreeDynamics",
     "TreeModel",
+    "Trust",
     "UnknownNameError",
     "Values",
     "absolute_poses",

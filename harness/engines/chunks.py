@@ -43,6 +43,7 @@ def assemble(
         parts.append(solve_part(slice(first, first + at_once)))
         progress(min(1.0, (first + at_once) / n))
     table, (engine, version, setting) = names(), labels
+    q = [part.q for part in parts if part.q is not None]
     values = {key: Values(*table[key], np.concatenate([part.values[key] for part in parts])) for key in parts[0].values}
     return Solution(
         engine=engine,
@@ -52,7 +53,7 @@ def assemble(
         condition=np.concatenate([part.trust.condition for part in parts]),
         timings=clock.timings(engine, setting, n),
         errors={name: error_of(name, parts, has, *size) for name, has in values.items()},
-        assembly=np.concatenate([part.q for part in parts if part.q is not None]),
+        assembly=np.concatenate(q) if len(q) == len(parts) else None,
     )
 
 

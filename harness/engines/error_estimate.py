@@ -129,7 +129,7 @@ class SolvedPart:
         values: Quantity -> values. Shape (n, m).
         doubtful: Samples that were solved again.
         moved: Quantity -> change of the components at these samples. Shape (n_doubtful, m).
-        q: All joint coordinates [rad or m]. Shape (n, n_q).
+        q: All joint coordinates [rad or m], shape (n, n_q); None if unknown.
     """
 
     values: dict[str, Array]

@@ -95,13 +95,14 @@ def answer(
 
     Args:
         labels: Name and version of the engine, and a description of its method and settings.
-        solve_part: Solves the parts of the motion in order for the requested quantities, given the applied forces at
-            the samples of the part.
+        solve_part: Solves the parts of the motion in order, given the applied forces at the samples of the part.
+            Quantities that are not requested are dropped.
         clock: Measures the engine's stages.
     """
 
     def part(rows: slice) -> SolvedPart:
-        return solve_part(*_part(problem, rows))
+        solved = solve_part(*_part(problem, rows))
+        return replace(solved, values={name: x for name, x in solved.values.items() if name in problem.wanted})
 
     n, size, clock = len(problem.task), (length(mechanism), mechanism.mass), clock or Clock()
     return assemble(labels, n, part, lambda: described(mechanism, problem.points), clock, progress, size, PART)
