@@ -195,9 +195,9 @@ def motion_at(
         actuators, joints: Given actuator forces, and forces along all joint coordinates, in addition to the applied
             forces [N or N m]. Shapes (n_actuator,) or (n, n_actuator), (n_q,) or (n, n_q).
 
-        Raises:
-            DescriptionError: Forces have a different shape.
-            UnknownNameError: A spring refers to a body or coordinate that does not exist.
+    Raises:
+        DescriptionError: Forces have a different shape.
+        UnknownNameError: A spring refers to a body or coordinate that does not exist.
     """
     system = home_equations(lay)
     if not (q[:, system.fixed] == lay.mechanism.home[system.fixed]).all():
@@ -219,7 +219,7 @@ def _checked(what: str, values: Array, n: int, m: int, where: str) -> Array:
     if np.shape(values) in ((m,), (n, m)):
         return values
     raise DescriptionError(
-        f"{what} of shape {np.shape(values)} do not fit {m} joints at {n} poses",
+        f"{what} of shape {np.shape(values)} do not fit {m} coordinates at {n} poses",
         where,
         f"pass an array of shape ({m},) or ({n}, {m})",
     )

@@ -335,7 +335,7 @@ class _Integration:
         if at.condition[0] > nearly:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
         if at.idle_reluctance[0] > nearly:
-            return "the forces do not determine it there, next to the given coordinates"
+            return "the given motion and this one nearly block each other there, so the forces do not determine it"
         speed = np.abs(self.yd / self.unit[self.idle]) / max(self.floor, 1.0) ** 0.5
         return f"it diverges, reaching {np.abs(self.yd).max():.3g} rad/s or m/s" if speed.max() > RUNAWAY else ""
 

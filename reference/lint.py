@@ -228,7 +228,7 @@ def too_wide(body: Solid) -> str:
 
 
 def hinges(mechanism: Mechanism) -> Iterator[tuple[Joint, int]]:
-    """Yield the uncoupled angles of a mechanism: joint, and index of the coordinate in the joint."""
+    """Yield the uncoupled angles of all joints but F: joint, and index of the coordinate in the joint."""
     tied = {name for one in mechanism.couplings for name in one.named}
     for joint in (joint for joint in mechanism.joints if joint.constrains):
         yield from (

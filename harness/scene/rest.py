@@ -52,5 +52,5 @@ def rest_warning(scene: Scene) -> Iterator[str]:
     yield (
         "Dry friction is taken as zero where a joint rests, although it may be anything up to its limit: at "
         f"{len(rows)} of {len(scene.t)} samples, first at t = {scene.t[rows[0]]:g} s, of {first_few(named, SHOWN)}. "
-        "Forces that depend on it are not unique there, and tables of them are not compared."
+        "Forces that depend on it are not unique there, and forces in tables are not compared at these samples."
     )

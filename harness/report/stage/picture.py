@@ -69,7 +69,7 @@ def stage(
     Args:
         solutions: Solutions of the scene, whose poses and forces are shown.
         other: Mechanism for comparison; its differences in the home pose are also drawn.
-        unsigned: Joints whose axes have no sense of direction in the model, see `differing`.
+        unsigned: Joints whose axes have no sense of direction in the model, see `differences`.
     """
     motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)
     mechanism = motion.lay.mechanism
