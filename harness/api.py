@@ -43,7 +43,7 @@ def run(
         warn: Called with a warning before a step that may take long or fail.
         limits: Run each engine in its own process under these limits, as the command line does; an engine that crashes
             or hangs then becomes a row, too. By default engines run in this process, which is faster for small scenes
-            and can be debugged, except engines of other packages.
+            and can be debugged; only engines of other packages run in their own.
 
     Raises:
         ScrewgaugeError: The input is invalid. An engine that fails becomes a row of the results, not an error.
@@ -72,10 +72,10 @@ def check(
         what: Built-in scenes, TOML files, or folders with TOML files, at least one; two model files form a pair.
         smoke: Use a few samples of an exciting motion instead of the scene's own motion.
         tolerances: Quantity -> admitted scaled error, or a TOML file with them; tolerances in a scene take precedence.
-        baseline: File of a known state, whose errors must not have grown.
+        baseline: File written by an earlier check; the check fails if an error has grown since.
         jobs: Number of parallel processes; takes effect only with `limits`.
-        limits: Check each scene in its own process under these limits; by default all scenes are checked in this
-            process, except by engines of other packages.
+        limits: Check each scene in its own process under these limits; by default scenes are checked in this process,
+            and only engines of other packages run in their own.
         meshes: Let MuJoCo compute mass and inertia of the bodies of MJCFs from meshes in their folders.
         progress: Called during the work with the current step and the completed share of all work.
 
@@ -107,8 +107,8 @@ def diagnose(
     """Compare two models of a machine, explain their differences, and prove the explanation.
 
     Links, joints and loops are compared regardless of where a file cuts the loops. Joints are paired by name, or else
-    by geometry. If B as a whole is displaced, rotated, mirrored or in different units, that counts as one cause. Each
-    cause has its share of the torque difference at random states: the torques of A with the values of B. As a proof,
+    by geometry. If B as a whole is displaced, rotated, mirrored or in different units, that counts as one cause. For
+    each cause, its share of the torque difference at random states is computed with the values of B in A. As a proof,
     B's file is corrected and read again.
 
     Args:
@@ -146,7 +146,7 @@ def import_model(
     independent: Iterable[str] | None = None,
     actuated: Iterable[str] | None = None,
 ) -> Scene:
-    """Make a scene of a Pinocchio model that was built in Python, with the constraints that close its loops.
+    """Make a scene from a Pinocchio model that was built in Python, with the constraints that close its loops.
 
     Args:
         model: A ``pinocchio.Model``.

@@ -45,7 +45,7 @@ EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance, 
 differences of a model file that are not allowed; 2 bad input or usage; 3 an engine failed or is missing, or the report
 failed; 130, 143 stopped"""
 STRESS_STATUS = """exit status: 0 every row is complete; 1 our own solver is silently wrong somewhere; 2 bad input;
-3 a rung failed"""
+3 a severity failed"""
 
 NAMED = "built-in name, or path of a TOML, URDF, MJCF, SDF or USD file"
 REVIEW_STATUS = "exit status: 0 all columns agree to their printed digits; 1 some do not; 2 bad input"
@@ -83,7 +83,7 @@ def _command(arguments: Sequence[str] | None) -> int:
         try:
             return int(options.command(options))
         except SystemExit as error:  # raised by a library; its status would pass for the command's
-            raise RuntimeError(f"a library ended the program, status {error.code}") from error
+            raise RuntimeError(f"a library ended the program with status {error.code}") from error
 
 
 def _parse(given: Sequence[str]) -> argparse.Namespace:
@@ -176,7 +176,7 @@ def _parser() -> argparse.ArgumentParser:
 
     def executed(add: Any, what: str) -> None:
         add("-j", "--jobs", type=int, metavar="N", help=f"{what} at a time (1)")
-        add("--cluster", metavar="ADDRESS|FILE", help="run them on a Dask cluster, by address or file of its scheduler")
+        add("--cluster", metavar="ADDRESS|FILE", help=f"run {what} on the Dask cluster of this scheduler")
 
     add = command(commands.list_, "list mechanisms, scenes, engines, quantities, cases or discrepancies")
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
@@ -194,38 +194,38 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(
         commands.import_,
-        "convert a model file, or a description with a rough home, to NAME.toml (description) and NAME.scene.toml",
+        "convert a model file, or a description with a rough home pose, to NAME.toml (description) and NAME.scene.toml",
     )
     add("file", type=_path, metavar="FILE", help="a model file, or a TOML file whose home pose is to be solved for")
     add(
         "--loops",
         type=_path,
         metavar="FILE",
-        help="file that closes its loops: robot.yaml or NAME.loops.toml (the one next to it)",
+        help="file with its loop closures: robot.yaml or NAME.loops.toml (default: the file next to it)",
     )
     add("-o", "--out", type=_path, metavar="NAME.toml", help="default: FILE.toml in this folder")
-    add("--independent", metavar="A,B", help="coordinates (default: driven ones, and others chosen for conditioning)")
-    add("--actuated", metavar="A,B", help="driven joints (default: those of the file)")
+    add("--independent", metavar="A,B", help="coordinates (default: driven, and others for good conditioning)")
+    add("--actuated", metavar="A,B", help="driven joints (default: as in the file)")
     add("--floating", action="store_true", help="let the base of a URDF move freely")
     meshes = "let MuJoCo compute mass and inertia from meshes in the folder of an MJCF"
     add("--meshes", action="store_true", help=meshes)
-    add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="library that reads it (default: by format)")
-    tensors = "accept tensors that no body has, as wrist.triangle, and files outside the folder, as ../parts/"
+    add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="library that reads FILE (default: by format)")
+    tensors = "accept impossible tensors, e.g. wrist.triangle, and files outside the folder, e.g. ../parts/"
     add("--allow", metavar="A,B", help=tensors)
 
     add = command(
         commands.run, "run the engines on a scene, compare them, and write the report", out="SCENE", epilog=EXIT_STATUS
     )
     scene(add)
-    add("--engines", metavar="A,B", help="default: those of the scene; screw@float32 computes in float32")
+    add("--engines", metavar="A,B", help="default: the scene's engines; screw@float32 computes in float32")
     add("--quantities", metavar="A,B", help="quantities to compute; default: all")
     add(
         "--exciting",
         action="store_true",
-        help="replace its motion with one that excites as much of the inertia as possible",
+        help="replace the scene's motion with a motion that excites as much of the inertia as possible",
     )
     add("--seed", type=_whole_number(0), metavar="N", help="seed of the exciting motion (0)")
-    values = "write times, positions and forces (--quantities) of the first engine as CSV, or of each into a folder"
+    values = "write times, positions and forces (--quantities) as CSV: of the first engine, or of all into a folder"
     add("--csv", type=_path, metavar="FILE.csv|DIR", help=values)
     add("--allow", metavar="A,B", help=f"for a model file: {tensors}")
     add("--meshes", action="store_true", help=meshes)
@@ -233,54 +233,54 @@ def _parser() -> argparse.ArgumentParser:
     add("--pdf", action="store_true", help="also print the report to report.pdf (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop an engine that takes longer (3600)")
-    add("--memory", type=float, metavar="GB", help="stop an engine that needs more (the machine's memory)")
+    add("--memory", type=float, metavar="GB", help="stop an engine that needs more memory (the machine's memory)")
 
-    add = command(commands.review, "find the faults of a table of numbers, column by column", epilog=REVIEW_STATUS)
+    add = command(commands.review, "find the faults in a table of numbers, column by column", epilog=REVIEW_STATUS)
     add("numbers", type=_path, metavar="NUMBERS", help="CSV or Parquet: t and components, named as in a run")
-    add("scene", type=_nonempty, metavar="SCENE", help=f"scene that they describe: {NAMED}")
+    add("scene", type=_nonempty, metavar="SCENE", help=f"scene that the numbers describe: {NAMED}")
     add("--quantities", metavar="A,B", help="quantities of the table, where column names are ambiguous")
     add("--json", action="store_true", help="print the review as JSON")
 
     add = command(view.view, "show a mechanism in 3D and in motion in a browser on this machine")
     which = "built-in scene or mechanism, or path of a TOML, URDF, MJCF, SDF or USD file"
     add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
-    add("other", nargs="?", metavar="OTHER", help="a second one, to show the differences at home")
+    add("other", nargs="?", metavar="OTHER", help="second mechanism, to show differences in the home pose")
     add("-o", "--out", type=_path, metavar="FILE.html", help="write the page to a file, and exit")
     for form in ("png", "svg", "pdf"):
         add(f"--{form}", type=_path, metavar=f"FILE.{form}", help="write a picture of the home pose, and exit")
-    add("--port", type=int, metavar="N", help="default: a free one")
+    add("--port", type=int, metavar="N", help="default: a free port")
 
     add = command(commands.bench, "measure error against run time for many methods and settings", out="SCENE/bench")
     scene(add)
-    add("--quick", action="store_true", help="fewer samples and rounds, the same columns")
-    budget = "start nothing after this time (480, --quick 48; simulated scenes 90, --quick 25)"
+    add("--quick", action="store_true", help="use fewer samples and rounds, with the same columns")
+    budget = "start no measurement after this time (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--limit", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
     executed(add, "contestants")
 
     add = command(
         commands.stress,
-        "run stiff and extreme cases: digits kept, and whether engines warn where they lose many",
+        "run stiff and extreme cases: show which digits remain, and whether engines warn if they lose many",
         out="stress",
         epilog=STRESS_STATUS,
     )
     add("cases", nargs="*", metavar="CASE", help="default: all, see 'list cases'")
-    add("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
-    add("--severity", metavar="A,B", help="severities of the one case that is named")
-    executed(add, "rungs")
+    add("--quick", action="store_true", help="use fewer severities and smaller scenes, with the same columns")
+    add("--severity", metavar="A,B", help="severities to run, if a single case is named")
+    executed(add, "severities")
 
     add = command(commands.sweep, "solve many variants of a scene, and rank its numbers by their effect", out="SWEEP")
     add(
         "plan",
         type=_path,
         metavar="SWEEP.toml",
-        help="file with the scene, its scattered numbers, and the number of variants",
+        help="file with the scene, the numbers to vary, and how many variants to solve",
     )
     executed(add, "chunks of variants")
 
     add = command(
         commands.identify,
-        "find out which numbers of a machine its forces determine, and estimate them",
+        "find out which numbers of a machine can be determined from its forces, and estimate them",
         out="SCENE/identify",
     )
     scene(add)
@@ -290,7 +290,7 @@ def _parser() -> argparse.ArgumentParser:
         "--noise",
         type=float,
         metavar="SHARE",
-        help="noise of forces, relative to the largest (estimated from data; 0.001)",
+        help="noise of the forces, relative to the largest force (estimated from data; 0.001)",
     )
     add("--prior", type=float, metavar="SHARE", help="relative uncertainty of the scene's numbers (0.1)")
     add("--seed", type=_whole_number(0), metavar="N", help="seed of the random rates (0)")
@@ -303,19 +303,19 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(
         commands.diagnose,
-        "explain why two models of a machine differ, and prove it",
+        "explain why two models of a machine differ, and prove the explanation",
         out="diagnosis",
         epilog=DIAGNOSE_STATUS,
     )
-    which = "URDF, MJCF, SDF, USD or description (name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
+    which = "URDF, MJCF, SDF, USD or description (name or TOML); FILE@LIBRARY: as read by pinocchio, mujoco or yourdfpy"
     add("a", type=_nonempty, metavar="A", help=which)
-    add("b", type=_nonempty, metavar="B", help="the same")
+    add("b", type=_nonempty, metavar="B", help="second model, in the same forms")
     add("--map", type=_path, metavar="FILE", help='TOML that pairs joints or bodies: "name in A" = "name in B"')
     add(
         "--loops",
         type=_sides,
         metavar="A,B",
-        help="files that close loops of URDFs, one or one for each: robot.yaml or .loops.toml (those next to them)",
+        help="loop closures of URDFs, one file for both or each: robot.yaml or .loops.toml (default: next to the URDF)",
     )
     add("--meshes", action="store_true", help=meshes)
     add("--only", default="", metavar="rigid", help="compare only geometry, masses and inertias")
@@ -336,7 +336,7 @@ def _parser() -> argparse.ArgumentParser:
         nargs="?",
         type=_nonempty,
         metavar="ID",
-        help="show its symptom, cause, remedy, and the versions that have it",
+        help="show symptom, cause and remedy of this discrepancy, and affected versions",
     )
 
     add = command(
@@ -353,16 +353,21 @@ def _parser() -> argparse.ArgumentParser:
         help="default: all built-in scenes; two model files form a pair",
     )
     add("--no-default", action="store_true", help="if nothing is named, fail instead of checking the built-in scenes")
-    add("--smoke", action="store_true", help="use a few samples of an exciting motion instead of the scene's own")
+    add("--smoke", action="store_true", help="use a few samples of an exciting motion, not of the scene's motion")
     add("--meshes", action="store_true", help=meshes)
     add("--tolerances", type=_path, metavar="FILE", help="TOML with quantity = scaled error (default: derived)")
-    add("--baseline", type=_path, metavar="FILE", help="known state (JSON) whose errors must not grow")
-    add("--update", action="store_true", help="make this state the baseline")
+    add(
+        "--baseline",
+        type=_path,
+        metavar="FILE",
+        help="file of an earlier check (JSON); fail if an error has grown since",
+    )
+    add("--update", action="store_true", help="write the result of this check as the new baseline")
     add("--junit", type=_path, metavar="FILE", help="also write JUnit XML")
     executed(add, "scenes")
     add("--json", action="store_true", help="print all results as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
-    add("--memory", type=float, metavar="GB", help="stop a scene that needs more (the machine's memory)")
+    add("--memory", type=float, metavar="GB", help="stop a scene that needs more memory (the machine's memory)")
 
     add = command(
         commands.matrix,
@@ -370,8 +375,8 @@ def _parser() -> argparse.ArgumentParser:
         out="matrix",
         epilog=EXIT_STATUS,
     )
-    add("--pin", metavar="A,B", help="versions of Pinocchio (the installed one)")
-    add("--mujoco", metavar="A,B", help="versions of MuJoCo (the installed one)")
+    add("--pin", metavar="A,B", help="versions of Pinocchio (the installed version)")
+    add("--mujoco", metavar="A,B", help="versions of MuJoCo (the installed version)")
     executed(add, "pairs")
     parser.description = _overview(known)
     parser.epilog = EXIT_STATUS

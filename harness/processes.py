@@ -42,8 +42,8 @@ def one_thread() -> bool:
 def save_time() -> None:
     """Trade memory for time: collect garbage rarely and never at exit, and keep memory freed by arrays.
 
-    Imports and traces of equations make many objects but no garbage. The kernel clears memory that was returned to the
-    system when it is requested again, which takes as long as many computations.
+    Imports and traces of equations make many objects but no garbage. When memory that was returned to the system
+    is requested again, the kernel clears it, which takes as long as many computations.
     """
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)

@@ -94,17 +94,21 @@ QUANTITIES = {
     quantity.name: quantity
     for quantity in (
         Quantity("joint_position", "all joint coordinates", "joint", "q", SOLVED),
-        Quantity("joint_velocity", "their rates", "joint", "v", SOLVED),
-        Quantity("joint_acceleration", "their second derivatives", "joint", "a", SOLVED),
+        Quantity("joint_velocity", "rates of all joint coordinates", "joint", "v", SOLVED),
+        Quantity("joint_acceleration", "second derivatives of all joint coordinates", "joint", "a", SOLVED),
         Quantity("body_angular_velocity", "angular velocity of each body, world axes", "body", "v", SOLVED, body="w"),
         Quantity(
             "body_angular_acceleration", "angular acceleration of each body, world axes", "body", "a", SOLVED, body="b"
         ),
         Quantity("com_acceleration", "acceleration of each centre of mass, world axes", "body", "a", SOLVED, body="a"),
         Quantity("tree_force", "joint forces of the open tree: RNEA against mj_inverse", "tree", "a", RECURSIVE),
-        Quantity("tree_force_soft", "the same with MuJoCo's equality constraints on", "tree", "a", RECURSIVE),
+        Quantity("tree_force_soft", "the same, with MuJoCo's equality constraints enabled", "tree", "a", RECURSIVE),
         Quantity(
-            "generalized_force", "what the actuators must deliver for each coordinate", "independent", "f", SOLVED
+            "generalized_force",
+            "total force that the actuators must exert along each coordinate",
+            "independent",
+            "f",
+            SOLVED,
         ),
         Quantity("actuator_force", "force of each actuator", "actuator", "f", SOLVED, ruled=True),
         Quantity(
@@ -117,7 +121,7 @@ QUANTITIES = {
         ),
         Quantity(
             "axis_moment",
-            "moment about each joint's own axes (slides: force along): actuator, springs, dampers, motors, resistance",
+            "moment about each joint's own axes (for slides, force): actuator, springs, dampers, motors, resistance",
             "axis",
             "f",
             SOLVED,
@@ -126,7 +130,7 @@ QUANTITIES = {
         ),
         Quantity(
             "resistance",
-            "what rotor, damping and dry friction of each joint take of the force along it, one by one",
+            "parts of the force along each joint that rotor, damping and dry friction absorb",
             "resistance",
             "a",
             SOLVED,
@@ -136,7 +140,7 @@ QUANTITIES = {
         Quantity(
             "jacobian",
             "angular velocity of each body, velocity of its origin and of named points, per rate of each actuator; "
-            "transposed, what actuators feel of a unit moment or force there",
+            "its transpose maps a moment or force there to the actuators",
             "rate",
             "v",
             SOLVED,
@@ -247,7 +251,7 @@ def component_names(
 def _ratios(
     bodies: Sequence[str], points: Sequence[Point], actuators: Mapping[str, str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and units of rates of bodies and points per rate of each actuator. `actuators`: name -> rad or m."""
+    """Return names and units of rates of bodies and points per actuator rate. `actuators`: name -> rad or m."""
     turns = {"w": "rad", "v": "m"}
     rates = {f"{body}.{what}{axis}": unit for body in bodies for what, unit in turns.items() for axis in "xyz"}
     rates |= {f"{point.name}.v{axis}": "m" for point in points for axis in "xyz"}
@@ -294,12 +298,12 @@ def check_quantities(
 
 
 def length(mechanism: Mechanism) -> float:
-    """Return the largest distance [m] between joint points and centres of mass at home, 1 if it is zero."""
+    """Return the largest distance [m] between joint points and centres of mass in the home pose; 1 if it is zero."""
     return kinematics.length(graph.layout(mechanism))
 
 
 def arm(unit: str, length: float) -> float:
-    """Return the factor by unit that converts angles to lengths, forces to moments, masses to inertias; else 1."""
+    """Return the factor that converts a unit: angles to lengths, forces to moments, masses to inertias; otherwise 1."""
     if unit in RATIOS:
         return length ** RATIOS[unit]
     return length ** (2 if unit == "kg m^2" else unit in ("m", "m/s", "m/s^2", "N m", "kg m"))

@@ -43,7 +43,7 @@ def test_where_no_journal_can_be_kept_work_is_done_all_the_same(monkeypatch, tmp
     journal = Journal(tmp_path, "x")
     journal.keep("1", {"b": "first"})
     assert journal.results == {"1": {"b": "first"}}
-    assert "An interruption would lose" in journal.note
+    assert "If interrupted, this work loses" in journal.note
 
 
 def test_a_run_whose_numbers_cannot_be_written_says_what_it_found(tmp_path, command, monkeypatch, no_progress):

@@ -171,13 +171,13 @@ def test_interrupted_stress_goes_on_where_it_stopped(tmp_path, monkeypatch, cach
 @pytest.mark.slow
 def test_the_exit_status_blames_our_own_solver_only(tmp_path, capsys) -> None:
     assert main(["stress", "toy", "--severity", "0,1,1e4", "--out", str(tmp_path / "toy")]) == 0
-    assert "without a word: pinocchio in 1 of 1 cases" in capsys.readouterr().out
+    assert "without a warning: pinocchio in 1 of 1 cases" in capsys.readouterr().out
     assert main(["stress", "broken", "--out", str(tmp_path / "broken")]) == 1
 
 
 def test_a_rung_that_breaks_is_said_and_is_no_success(tmp_path, capsys) -> None:
     assert main(["stress", "toy", "--out", str(tmp_path / "toy")]) == 3
-    assert capsys.readouterr().err == "screwgauge: a rung broke: ValueError: the third rung breaks\n"
+    assert capsys.readouterr().err == "screwgauge: a severity failed: ValueError: the third rung breaks\n"
     assert (tmp_path / "toy" / "stress.csv").exists()
 
 

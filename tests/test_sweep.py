@@ -36,7 +36,7 @@ WRONG = {
     "another distribution": PLAN.replace("normal", "cauchy"),
     "no size": PLAN.replace("1e-3", "0"),
     "a negative size": PLAN.replace("1e-3", "-1"),
-    "a share of zero": PLAN.replace("left.parent.x", "left.parent.z").replace("1e-3", '"1 %"'),
+    "a percentage of zero": PLAN.replace("left.parent.x", "left.parent.z").replace("1e-3", '"1 %"'),
     "a number twice": PLAN + '"left.crank.mass" = { normal = 0.1 }',
     "a number of a body twice": PLAN + '"bodies.left.crank" = { body = "1 %" }',
     "no count": PLAN.replace("40", "0"),

@@ -80,7 +80,7 @@ def test_nothing_is_elsewhere_in_a_model_of_the_same_machine(name: str, kind: st
 def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, command) -> None:
     file = write("stuck.toml", STUCK)
     page = tmp_path / "page.html"
-    assert "shown in the home pose, " in command("view", file, "--out", page).err
+    assert "showing the home pose, " in command("view", file, "--out", page).err
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ def is_shown_here(case: Case) -> bool:
 
 
 def suspects(bad: Set[str], good: Set[str], packages: Set[str]) -> Iterator[Case]:
-    """Yield the cases that explain wrong quantities, affect no correct one, and occur in the installed `packages`."""
+    """Yield cases that explain wrong quantities, affect no correct quantity, and occur in the installed `packages`."""
     for case in CASES.values():
         touches, takes_part = {*case.touches}, {_PACKAGES[engine] for engine in case.engines}
         if touches & bad and not touches & good and takes_part <= packages and is_shown_here(case):

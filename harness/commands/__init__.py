@@ -1,4 +1,4 @@
-"""The commands of the command line. Each returns its exit status, and imports its dependencies when it is called."""
+"""The commands of the command line. Each command returns its exit status, and imports its dependencies when called."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ def stress(options: argparse.Namespace) -> int:
     work = partial(stress, options.cases or None, **more)
     table = carry_out(page, out, lambda progress: work(progress=progress), again=True, force=options.force)
     if table.broken:
-        complain(f"screwgauge: a rung broke: {table.broken[0]}")
+        complain(f"screwgauge: a severity failed: {table.broken[0]}")
         return 3
     return 0 if table.ok else 1
 
@@ -244,7 +244,7 @@ def sweep(options: argparse.Namespace) -> int:
 
 
 def identify(options: argparse.Namespace) -> int:
-    """Report which numbers of a machine its forces determine, and estimate them from data."""
+    """Report which numbers of a machine can be determined from its forces, and estimate them from data."""
     from screwgauge.report.pages.identify import PAGE
     from screwgauge.scene.read import load_scene
     from screwgauge.study.identify.fix import check_fix, write_fix
@@ -273,7 +273,7 @@ def identify(options: argparse.Namespace) -> int:
 
 
 def diagnose(options: argparse.Namespace) -> int:
-    """Compare two models, and explain and prove their differences."""
+    """Compare two models, explain their differences, and prove the explanation."""
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.findings import summary
     from screwgauge.environment import json_text

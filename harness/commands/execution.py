@@ -107,7 +107,7 @@ _KEPT = "keep check.json of each check, and compare with a known state using che
 _TLS = "omit it, and use tls:// or a network that you trust: Dask has no login, see harness/guide/cluster.md"
 _PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
 _ENDED, _RENAMED = "is no longer part of the package", "was renamed"
-#: Retired command, or command and option -> its fate, and its replacement.
+#: Retired command, or command and option -> what happened to it, and its replacement.
 ENDED = {
     "bench --budget": (_RENAMED, "use bench --limit SECONDS"),
     "bench --random": (_ENDED, _CAMPAIGN.format("random")),
@@ -126,7 +126,7 @@ ENDED = {
 
 
 def check_current(arguments: Sequence[str]) -> None:
-    """Reject retired or renamed commands and options with a hint, before they count as unknown.
+    """Reject retired or renamed commands and options with a hint, before they are rejected as unknown.
 
     Raises:
         DescriptionError: The command or option is in `ENDED`.

@@ -1,4 +1,4 @@
-"""Files of the gate beside its report: inputs, outputs, and a check before the work that outputs can be written."""
+"""Files of the gate in addition to its report: inputs, outputs, and an early check that outputs can be written."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from screwgauge.study.gate.run import files_in
 
 
 def check_files(options: Namespace) -> None:
-    """Check before long work that single files can be written.
+    """Check, before long work, that files given by options can be written.
 
     Raises:
         OutputError: A file given by an option cannot be written.

@@ -81,7 +81,7 @@ def _load(name: str) -> Scene | Mechanism:
             still = load_mechanism(name, closed=False)
         except ScrewgaugeError:
             raise error from None
-        complain(f"screwgauge: shown in the home pose, because no motion is available: {error}")
+        complain(f"screwgauge: showing the home pose, because no motion is available: {error}")
         return still
 
 
@@ -123,10 +123,10 @@ def _solve(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
     try:
         results = run(scene, engines=("screw",))
     except ScrewgaugeError as error:
-        complain(f"screwgauge: shown without forces: {error}")
+        complain(f"screwgauge: showing the scene without forces: {error}")
         return scene, {}
     for failure in results.failures.values():
-        complain(f"screwgauge: shown without forces: {failure.reason}")
+        complain(f"screwgauge: showing the scene without forces: {failure.reason}")
     return scene, results.solutions
 
 

@@ -56,7 +56,7 @@ class Loaded:
         """Skip a test if the engine lacks quantities that the test needs."""
         for name in quantities:
             if name not in self.quantities:
-                why = declared_lacks(self.model, self.engine).get(name, "it is not part of its task")
+                why = declared_lacks(self.model, self.engine).get(name, "the quantity is not part of its task")
                 pytest.skip(f"{self.engine.name} lacks {name}: {why}")
 
     def takes(self, task: type[GivenMotion | InitialValue | States]) -> None:
@@ -89,7 +89,7 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
                 model = entry.load(files)
                 quantities = tuple(q for q in GIVEN if q not in declared_lacks(model, entry))
                 if not quantities:
-                    _reject(entry, "lacks every quantity; remove those that it gives from `lacks`")
+                    _reject(entry, "lacks every quantity; remove the quantities that it computes from `lacks`")
                 if GivenMotion in entry.tasks:
                     model.solve(scene.problem(quantities, entry.name))
             except REFUSALS as error:

@@ -31,7 +31,7 @@ def arrays(solution: Solution) -> dict[str, Array]:
 def check_same(one: Solution, other: Solution) -> None:
     """Fail unless two answers are bitwise equal."""
     first, second = arrays(one), arrays(other)
-    assert first.keys() == second.keys(), "a repeated call returns other arrays"
+    assert first.keys() == second.keys(), "a repeated call returns different arrays"
     for name, array in first.items():
         same = np.array_equal(array, second[name], equal_nan=True)
         assert same, f"{name} differ in a repeated call; make `solve` independent of earlier calls"
@@ -39,7 +39,7 @@ def check_same(one: Solution, other: Solution) -> None:
 
 def test_components_units_and_shapes(loaded: Loaded, given: Problem, answered: Solution) -> None:
     assert {*answered.values} == {*given.wanted}, "return the wanted quantities, and declare missing ones in `lacks`"
-    assert answered.version, "Solution.version is empty; set it to that of the library"
+    assert answered.version, "Solution.version is empty; set it to the library's version"
     n, known = len(given.task), described(loaded.mechanism)
     assert answered.condition.shape == (n,), "Solution.condition must have a number for each sample, ones if unknown"
     coordinates = dict(zip(loaded.mechanism.coordinates, loaded.mechanism.units, strict=True))
@@ -48,8 +48,8 @@ def test_components_units_and_shapes(loaded: Loaded, given: Problem, answered: S
         if name.startswith("tree_force"):  # for the joints in the engine's tree
             components = tuple(c for c in coordinates if c in values.components)
             units = tuple(FORCE[coordinates[c]] for c in components)
-        assert values.components == components, f"components of {name} must be those of names(mechanism)"
-        assert values.units == units, f"units of {name} must be those of names(mechanism)"
+        assert values.components == components, f"components of {name} must equal those in names(mechanism)"
+        assert values.units == units, f"units of {name} must equal those in names(mechanism)"
         assert values.array.shape == (n, len(components)), f"{name} must have shape (n_sample, n_component)"
         assert np.isfinite(values.array).all(), f"{name} has NaN or infinite values"
 
@@ -89,7 +89,7 @@ def test_what_is_answered_cannot_be_changed(answered: Solution) -> None:
 
 
 def test_it_may_be_asked_anything_in_any_order(loaded: Loaded, given: Problem, request: pytest.FixtureRequest) -> None:
-    """Repeated tasks, between different tasks and gravities, and a reloaded model give bitwise equal answers."""
+    """A task gives bitwise equal answers if repeated after other tasks and gravities, and with a reloaded model."""
     problems = [given, replace(given, applied=replace(given.applied, gravity=np.array([1.0, 2.0, 3.0])))]
     for task, fixture in (("InitialValue", "fall"), ("States", "pushed")):
         if task in {kind.__name__ for kind in loaded.engine.tasks} and loaded.engine.cut != "full":
@@ -107,12 +107,12 @@ def test_nothing_is_printed(loaded: Loaded, given: Problem, capfd: pytest.Captur
 
 
 def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
-    """Gravity then comes from the model file, or is `GRAVITY` as in the scene."""
+    """If gravity is None, it comes from the model file, or else is `GRAVITY`, as in the scene."""
     quantity = _force_of(loaded)
     problem = replace(given, wanted=frozenset((quantity,)))
     left = replace(problem, applied=replace(problem.applied, gravity=None))
     said, kept = (loaded.ask(one).values[quantity].array for one in (problem, left))
-    assert np.array_equal(said, kept), "use problem.applied.g where `gravity` is None and no model file has it"
+    assert np.array_equal(said, kept), "use problem.applied.g if `gravity` is None and the model file has no gravity"
 
 
 def _force_of(loaded: Loaded) -> str:

@@ -29,7 +29,7 @@ MECHANISMS = {
     "double-cardan": "U joints",
     "rccc": "C joints",
     "stewart": "F joint to the ground, U, P, S",
-    "ruse": "E joint, a coupling as of a cam, springs and motors",
+    "ruse": "E joint, a cam-like coupling, springs and motors",
     "3-upu": "U, P, U: constraints that depend on each other at first order",
     "delta": "five loops",
     "sarrus": "redundant constraints: some reactions are not unique",
@@ -65,7 +65,7 @@ def built_in(name: str) -> Scene:
 
 
 def run_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict: bool = False) -> Results:
-    """Run a scene with the quantities that the engine has.
+    """Run a scene with the quantities that the engine computes.
 
     Skip the test if the engine refuses the scene with an error message, and fail it if the engine fails. If strict,
     fail also if `refuses` does not name what the engine refuses.

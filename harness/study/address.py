@@ -30,13 +30,13 @@ def address(*parts: Any, files: Iterable[Path] = ()) -> str:
 
     Args:
         parts: The question: strings, numbers, tables of them.
-        files: All files opened for the computation, including those that they include or name.
+        files: All files opened for the computation, including files that they include or name.
     """
     return digest_of(_machine(), versions(), _installed(), parts, [[str(file), _digest(file)] for file in files])
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of all that affects results, and digests of this package's code and of external engines."""
+    """Return versions of everything that affects results, and digests of the code of this package and of engines."""
     packages = dict(_machine()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
     for name in PACKAGES:
         try:

@@ -21,7 +21,7 @@ LONG, SHORT, MOST = 2000, 200, 100  # largest length of a note and of a name; la
 
 
 def plain_answer(answer: object, n: int) -> Solution:
-    """Return an answer for n samples of only numbers and strings; long strings are truncated, with a remark.
+    """Reduce an answer with n samples to plain data; truncate long strings, with a remark.
 
     Raises:
         TypeError, ValueError: The answer is malformed; the message names the fault.
@@ -62,7 +62,7 @@ def truncate(text: object, most: int) -> str:
         TypeError: The value is not a string.
     """
     if not isinstance(text, str):
-        raise TypeError(f"a text is of type {type(text).__name__}, not str")
+        raise TypeError(f"a string is expected, not {type(text).__name__}")
     return str(text) if len(text) <= most else f"{text[:most]}... ({len(text) - most} more characters)"
 
 
@@ -81,7 +81,7 @@ def _limited_list(what: str, items: object) -> list[Any]:
 
 
 def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
-    """Yield the entries of a mapping whose keys are quantities."""
+    """Yield the entries of a mapping; reject keys that cannot be names of quantities."""
     if not isinstance(table, Mapping):
         raise TypeError(f"the {what} are of type {type(table).__name__}, not a mapping")
     for name, value in table.items():
@@ -119,7 +119,7 @@ def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
 
 
 def _sizes(what: str, array: object, n: int) -> Array:
-    """Check an array that has a non-negative number or NaN for each sample."""
+    """Check that an array has a non-negative number or NaN for each sample."""
     sizes = _numbers(what, array, (n,))
     if (sizes < 0.0).any():
         raise ValueError(f"{what} has negative numbers")

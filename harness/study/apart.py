@@ -1,8 +1,8 @@
 """Calls of external code in a fork of this process that ends with the call and returns only plain data.
 
-Whatever the code prints, patches, changes, starts or breaks stays in the fork. An unpickler that accepts only types of
-numbers and strings reads its answer, so that no code from the answer is run. Only workers fork, because their threads
-wait and hold no lock. Other processes ask a worker, see `isolation`.
+Whatever the code prints, patches, changes, starts or breaks stays in the fork. The answer is read by an
+unpickler that accepts only types of numbers and strings, so that no code from the answer is run. Only workers fork,
+because their threads wait and hold no lock. Other processes ask a worker, see `isolation`.
 """
 
 from __future__ import annotations

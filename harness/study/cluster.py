@@ -1,4 +1,4 @@
-"""Execution of tasks on a Dask cluster, which queues tasks, reassigns those of a dead worker, and supports TLS.
+"""Execution of tasks on a Dask cluster, which queues tasks, reassigns tasks of a dead worker, and supports TLS.
 
 A worker runs each task in a separate process, like `Processes`: a crash or a limit affects only one row. The journal of
 a command keeps each row that arrives. If the scheduler ends, so does the command; when rerun, the command resumes from
@@ -183,7 +183,7 @@ def _address(where: str) -> str:
 
 
 def _check_versions(client: Client) -> None:
-    """Reject a scheduler or workers whose Python, Dask or numpy differ from the local ones."""
+    """Reject a scheduler or workers whose Python, Dask or numpy versions differ from the local versions."""
     import dask
 
     found = client.sync(client.get_versions, callback_timeout=dask.config.get(ANSWER))
@@ -193,7 +193,7 @@ def _check_versions(client: Client) -> None:
 
 
 def _compare(here: Mapping[str, str], there: Mapping[str, str], machine: str) -> None:
-    """Reject a machine whose versions differ from the local ones."""
+    """Reject a machine whose versions differ from the local versions."""
     odd = {name: version for name, version in here.items() if there.get(name) != version}
     if odd:
         words = first_few((f"{name} {there.get(name)} instead of {version}" for name, version in odd.items()), 3)

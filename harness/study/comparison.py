@@ -208,7 +208,7 @@ class Comparison:
 
     @property
     def alone(self) -> Iterator[tuple[str, list[str]]]:
-        """Pairs of an engine and those of its quantities that were not compared with a different engine."""
+        """Pairs of an engine and its quantities that were not compared with a different engine."""
         seen = {(row[side], row["quantity"]) for row in self.pairs.to_dict("records") for side in "ab"}
         unique = {name: {*components} for name, components in self.not_unique.items()}
         for engine, solution in self.solutions.items() if len(self.solutions) > 1 else ():
@@ -219,9 +219,9 @@ class Comparison:
 
     @property
     def apart(self) -> tuple[str, ...]:
-        """Quantities that several engines compute, one of them without comparison, e.g. forces of different trees.
+        """Quantities that several engines compute, not all of which were compared, e.g. forces of different trees.
 
-        Empty if the user chose no quantities, so that all available ones were requested.
+        Empty if the user chose no quantities, so that all available quantities were requested.
         """
         if {*GIVEN} <= {name for one in self.solutions.values() for name in one.values}:
             return ()
@@ -273,7 +273,7 @@ class Comparison:
         return self.quantity(quantity, engine).array
 
     def radius(self, quantity: str, engine: str | None = None) -> Array:
-        """Return the rigorous radius of the truth, the largest possible distance of true value and exact midpoint.
+        """Return the rigorous radius of the truth, the largest possible distance between true value and exact midpoint.
 
         The values themselves are the midpoints rounded to doubles. The radius is NaN at samples that the truth did not
         solve.
@@ -316,7 +316,7 @@ def provenance(
     """Return names and digests of the judged files.
 
     Args:
-        scene: The scene; None without a single scene.
+        scene: The scene; None if there is not exactly one scene.
         models: Engine -> path of the model file that the engine read; generated files must still exist.
         description: Generated description of the mechanism, if it is not the file of the scene.
         date: Date of the judgement; now by default.

@@ -327,7 +327,7 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
 
 
 def _ending(message: str) -> str:
-    """Extract from a message by loky how a process ended."""
+    """Return how a process ended, as described in a message by loky."""
     if match := re.search(r"SIG[A-Z]+", message):
         return f"its process received {match[0]}"
     if match := re.search(r"EXIT\((\d+)\)", message):

@@ -38,7 +38,7 @@ class LeftOutForces:
     """Forces that a comparison leaves out.
 
     Attributes:
-        terms: Terms by kind, starting with those of the description's own file.
+        terms: Terms by kind, starting with terms of the description's own file.
         contained: Table or engine -> kinds of force that were subtracted from its values.
     """
 
@@ -128,7 +128,7 @@ def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iter
 def _take_off(
     answer: Solution, rigid: Mapping[str, Values], forces: Callable[[], MeasuredParts], rows: Rows
 ) -> tuple[Solution, tuple[str, ...]]:
-    """Subtract from an answer the kinds of force whose subtraction brings it closest to the rigid machine."""
+    """Subtract the kinds of force without which an answer is closest to the rigid machine."""
     values, contained = dict(answer.values), list[str]()
     for quantity in (name for name in rigid if name in answer.values):
         values[quantity], some = _nearest(values[quantity], rigid[quantity], quantity, forces, rows)
@@ -136,9 +136,7 @@ def _take_off(
     kinds = tuple(dict.fromkeys(contained))
     if not kinds:
         return answer, ()
-    note = (
-        f"its numbers include effects that no engine has, and are compared after subtracting these: {', '.join(kinds)}"
-    )
+    note = f"its numbers include effects that no engine computes, which were subtracted: {', '.join(kinds)}"
     return replace(answer, values=values, notes=(*answer.notes, note)), kinds
 
 

@@ -71,7 +71,7 @@ def hold(line: Connection) -> None:
 
 
 def _wait(line: Connection) -> None:
-    """Wait for the end of the pipe, into which nothing is ever written."""
+    """Wait until the pipe is closed; nothing is ever written to it."""
     with suppress(OSError):
         line.poll(None)
     os.kill(os.getpid(), signal.SIGKILL)

@@ -33,7 +33,7 @@ def pin(
         parent, child: Names of bars, or ``ground``.
         at: Position on the parent, in the parent frame [m].
         on: Position on the child, in the child frame [m].
-        home: Coordinate at home [rad or m].
+        home: Coordinate in the home pose [rad or m].
     """
     return {
         "kind": "P" if slides else "R",
@@ -48,7 +48,7 @@ def pin(
 
 
 def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent: str) -> Tables:
-    """Describe a planar linkage without a name. Masses grow from bar to bar, and centres of mass are off the bars.
+    """Return the description of an unnamed planar linkage. Masses grow from bar to bar; centres of mass are off axis.
 
     Args:
         bars: Body -> centre of mass on its x axis [m].
@@ -67,7 +67,7 @@ def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent
 
 
 def four_bar(crank: float, coupler: float, rocker: float, base: float, angle: float, *, side: float = 1.0) -> Tables:
-    """Describe a four-bar by lengths [m], home angle of the crank, and side on which the coupler's end lies."""
+    """Describe a four-bar with given lengths [m], home angle of the crank, and side of the coupler's end."""
     tip = _along(crank, angle)
     lean, swing = _triangle(tip, np.array([base, 0.0]), coupler, rocker, side)
     pins = {
@@ -99,7 +99,7 @@ def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0,
 def five_bar(
     cranks: tuple[float, float], rods: tuple[float, float], base: float, angles: tuple[float, float], side: float = 1.0
 ) -> Tables:
-    """Describe a five-bar with two driven cranks whose rods meet, by its lengths [m] and the crank angles at home."""
+    """Describe a five-bar with two driven cranks, whose rods meet, by lengths [m] and home angles of the cranks."""
     tips = _along(cranks[0], angles[0]), np.array([base, 0.0]) + _along(cranks[1], angles[1])
     left, right = _triangle(*tips, *rods, side)
     pins = {

@@ -35,7 +35,7 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
 
 
 def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
-    """Return both models of a diagnosis, on request weighed by their meshes; see `diagnosis.model.weigh_side`.
+    """Return both models of a diagnosis; `meshes`: with mass and inertia from meshes, see `diagnosis.model.weigh_side`.
 
     Raises:
         ScrewgaugeError: A mesh cannot be read, or is outside the folder of the file.

@@ -77,7 +77,7 @@ def matrix(
         pairs: Versions of pin and of mujoco.
         file: File of the table; rows that were computed for it before are reused, see `grow_table`.
         make: Function that makes an environment; by default with uv or pip.
-        scenes: Scenes, as for `screwgauge check`; all built-in ones by default.
+        scenes: Scenes, as for `screwgauge check`; all built-in scenes by default.
         execute: Executor of the checks; this process by default.
 
     Returns:

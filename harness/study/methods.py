@@ -63,7 +63,7 @@ class Method:
         engine: Name in the registry.
         settings: Settings, see the engine's folder.
         label: Name in rows; the engine's name if empty.
-        loader: Function that loads a model in place of the engine's own, such as a variant of it.
+        loader: Function that loads a model in place of the engine's own loader, e.g. a variant of the engine.
     """
 
     engine: str
@@ -154,7 +154,7 @@ class EngineTask:
         return plain_failure(replace(answer, traceback=f"{answer.traceback}{printed}"[-TRACE:]))
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
-        """Add to an answer notes on differences between the user's model file and the description."""
+        """Add notes on differences between the user's model file and the description to an answer."""
         from screwgauge.study.mismatches import departures, left_out_of_file, mismatches
 
         beyond = left_out_of_file(scene, self.engine, self.files.model)

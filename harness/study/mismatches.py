@@ -144,7 +144,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     coupled = {coupling.coordinate for coupling in scene.mechanism.couplings}
     known, said = [{*coupling.named} for coupling in scene.mechanism.couplings], reading.couplings.values()
     if lost := [each.joint for each in said if each.joint not in coupled and {*each.named} not in known]:
-        what = f"joint {first_few(lost, _NAMED)} follows another joint or is held, unlike in the description"
+        what = f"joint {first_few(lost, _NAMED)} follows another joint or is locked, unlike in the description"
         raise ModelFileError(what, str(model), "remove its mimic or equality, or add a coupling to the description")
     mechanism, found = scene.mechanism, list[LeftOut]()
     known_amounts = {(one.coordinate, one.what): one.amount for one in mechanism.resistances}
@@ -161,7 +161,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
 
 
 def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> StrokeResistance:
-    """Reduce a resistance to its excess over the description, which uses up the amounts in `known`."""
+    """Reduce a resistance to its excess over the description, and deduct what the description covers from `known`."""
     if len(one.along) != 1 or len(one.damping) > 1:
         return one
     ((name, share),) = one.along.items()
@@ -180,7 +180,7 @@ def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> Strok
 
 
 def loop_differences(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
-    """Return sentences on differences in a user's loops file: first those that the engine ignores, then all others."""
+    """Return sentences on differences in a user's loops file: in entries that the engine ignores, and in all others."""
     if files.loops is None or files.loops != files.model.with_suffix(".loops.toml"):
         return [], []
     rows = check_file(scene.mechanism, get_engine(name).cut, files.loops, "loops")
@@ -212,7 +212,7 @@ def _extra_contents(mechanism: Mechanism, engine: Engine, model: Path, *, known:
 
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
-    """Compare a user's description with that of the scene, ignoring their names."""
+    """Compare a user's description with the description of the scene, ignoring the names of both."""
     given = replace(load_mechanism(path), name=mechanism.name)
     actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (given, mechanism))
     return [

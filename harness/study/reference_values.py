@@ -54,7 +54,7 @@ class Reference:
 
     @classmethod
     def by_size(cls, engine: str, mechanism: Mechanism, values: Mapping[str, Values], note: str = "") -> Reference:
-        """Build a reference that scales errors by the size of its values, or by a natural scale if these vanish."""
+        """Build a reference that scales errors by its largest values, or by a natural scale if these vanish."""
         natural = natural_scales(mechanism)
         scales = {
             name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
@@ -200,7 +200,7 @@ def acceleration_problem(mechanism: Mechanism, applied: Applied, states: States,
 
 
 def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, applied: Applied) -> Array:
-    """Convert loads to forces along coordinates of the spanning tree, from the bodies that each coordinate moves.
+    """Convert loads to forces along coordinates of the spanning tree, using the bodies that each coordinate moves.
 
     Args:
         q: All joint coordinates; those of cut joints move no body. Shape (n, n_q).

@@ -1,4 +1,4 @@
-"""Reviews of the user's tables: which columns agree with an engine, and which faults explain the remaining ones."""
+"""Reviews of the user's tables: which columns agree with an engine, and which faults explain the remaining columns."""
 
 from __future__ import annotations
 
@@ -231,7 +231,7 @@ _RESISTS = {"rotor": "rotors", "damping": "damping of joints", "friction": "dry 
 
 
 def _parts(scene: Scene) -> dict[str, Scene]:
-    """Return, for everything that acts, its name -> the scene without it."""
+    """Return, for everything that acts on the machine, name -> scene in which it is missing."""
     applied, mechanism = scene.applied, scene.mechanism
     parts = {"gravity": replace(scene, applied=replace(applied, gravity=np.zeros(3)))} if applied.g.any() else {}
     for field in ("loads", "springs", "motors"):

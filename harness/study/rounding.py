@@ -15,7 +15,7 @@ from screwgauge.solution import Solution
 
 
 def with_rounding(mechanism: Mechanism, problem: Problem, answers: Mapping[str, Solution]) -> dict[str, Solution]:
-    """Replace the error estimates of engines with those for their number types, if these are not float64."""
+    """Replace the error estimates of engines whose number type is not float64 with estimates for that type."""
     rounding = cache(partial(rounding_errors, mechanism, problem))
     idle = cache(partial(idle_errors, mechanism, problem))
 

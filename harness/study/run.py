@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from screwgauge.study.isolation import Limits
 
 Ask = Callable[[Scene, Iterable[str], Path], Mapping[str, Solution | Failure]]
-"""Function that puts a scene to engines and tables, given the folder of the generated model files."""
+"""Function that asks engines and tables to solve a scene, given the folder of the generated model files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -276,7 +276,9 @@ def _note_lacks(scene: Scene, answer: Solution, lacking: Sequence[Refusal]) -> S
     """Add notes on missing values to an answer."""
     notes = [one.sentence for one in lacking if one.engine == answer.engine]
     if not (scene.simulated or answer.engine in scene.tables) and assembly_of(scene.mechanism, answer) is None:
-        notes.append("its assembly is unknown, because it gives no joint positions: nothing of it can be judged")
+        notes.append(
+            "it returns no joint positions, so that its assembly mode is unknown and none of its values can be judged"
+        )
     return replace(answer, notes=(*answer.notes, *notes))
 
 

@@ -65,7 +65,7 @@ def solve(
 
 @contextmanager
 def generated_models(scene: Scene) -> Iterator[Path]:
-    """Write the generated model files of a scene's mechanism to a temporary folder for the context."""
+    """Write the generated model files of a scene's mechanism to a temporary folder that exists within the context."""
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         write_scene_models(scene, Path(name))
         yield Path(name)

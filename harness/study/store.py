@@ -25,8 +25,8 @@ _CHANGED = "Results of interrupted work were not reused: scene, settings, code o
 class Journal:
     """Log of results and measured times, written as they arrive, in the cache folder.
 
-    Each line carries a code over its text and the address of the work, made with the secret of that folder. Lines that
-    someone else wrote, or that belong to different files, code or versions, are ignored.
+    Each line carries a signature of its text and of the address of the work, made with the secret of that folder. Lines
+    that someone else wrote, or that belong to different files, code or versions, are ignored.
 
     Attributes:
         results: Key -> result of the first call.
@@ -54,7 +54,7 @@ class Journal:
             self.path = cache.folder() / f"journal-{name[:32]}.jsonl"
             data = read_bytes(self.path, "MB of CSV") if os.path.lexists(self.path) else b""
         except (OSError, DescriptionError) as error:
-            self.path, self.note = None, f"An interruption would lose the results of this work ({error})."
+            self.path, self.note = None, f"If interrupted, this work loses its results ({error})."
             return
         lines = [*filter(None, data.splitlines())]
         records = [record for line in lines if (record := self._read(line)) is not None]

@@ -38,9 +38,9 @@ def stream(
 ) -> Iterator[tuple[Array, Solution]]:
     """Solve a scene for times in parts, using the memory of one part whatever the number of parts.
 
-    Every part starts from the home pose, from which angles of joints that are cut in an engine's tree are counted. The
-    motion is not checked beforehand: a part that meets or passes a singular pose, or cannot be solved, raises an error
-    when its turn comes.
+    Every part starts from the home pose; for joints that are cut in an engine's tree, angles are counted from there.
+    The motion is not checked beforehand: a part that meets or passes a singular pose, or cannot be solved, raises an
+    error when its turn comes.
 
     Args:
         parts: Arrays of times [s], shape (m,) each, such as those of `times`.

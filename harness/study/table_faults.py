@@ -20,7 +20,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.study.transformations import FILTERS, NOISY, UNITS, Expected, Family, Fault, Key
 
 MOST = 3  # largest number of faults in one column
-EVIDENCE = 0.5  # decimal places that must agree in addition to the fitted ones, and to one more for each fault
+EVIDENCE = 0.5  # decimal places that must agree beyond the fitted numbers, and beyond one more place for each fault
 FIRM = 3.0  # factor on this number if a table has unexplained columns, or more than one fault
 SEARCHED, TRIED = 200, 2  # number of samples in the coarse search; number of candidates of each class that are fitted
 PROMISE = 0.1  # largest mean square of residuals, relative to the column or to the fit without a filter, to start a fit
@@ -128,7 +128,9 @@ def _find_explanations(columns: Sequence[Column], expected: Expected) -> list[li
 def _of_family(
     column: Column, expected: Expected, family: Family, squares: tuple[Array, Array]
 ) -> Iterator[Explanation]:
-    """Yield explanations by a family of transformations, until one convinces and the next has more faults."""
+    """Yield explanations that use a family of transformations.
+
+    After a convincing explanation, stop at the first candidate with more faults."""
     named = [
         (*faults, *([Fault("permutation", name)] * (name != column.component)))
         for faults, name in zip(expected.faults, expected.components, strict=True)
@@ -148,7 +150,7 @@ def _of_family(
 
 
 def _candidates(left: Array, limit: Array, costs: Array) -> list[tuple[int, int, Mode]]:
-    """Return grid place, base and mode with the smallest squares for each number of faults, fewest faults first.
+    """Return grid index, base and mode with the smallest squares for each number of faults, fewest faults first.
 
     Args:
         left: Mean squares by place, mode and base. Shape (m, 4, k).

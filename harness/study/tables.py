@@ -24,7 +24,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, empty
 from screwgauge.study.fixed import with_fixed
 
-#: Distance within which an angle counts as that of the scene, up to whole revolutions [rad].
+#: Distance within which an angle counts as equal to the scene's angle, up to whole revolutions [rad].
 NEAR = 0.1
 NO_TREE = "joint forces of an open tree depend on where an engine cuts the loops"
 
@@ -51,7 +51,7 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
     Args:
         name: Name of the table.
         names: Quantity -> components and units that a table may have.
-        wanted: Names of the quantities to compare; notes name the remaining ones.
+        wanted: Names of the quantities to compare; notes name all other quantities of the table.
 
     Raises:
         ScrewgaugeError: The table has unknown columns or wrong units, or none of the compared quantities.
@@ -63,7 +63,7 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
         told = unique_samples(scene)
         rows, at, n = rows[told[rows]], at[told[rows]], int(told.sum())
     if not rows.size:
-        raise DescriptionError("has none of the times of the scene", table.where, "choose times that it has")
+        raise DescriptionError("has none of the times of the scene", table.where, "choose times of the table")
     values: dict[str, Values] = {}
     for quantity in (quantity for quantity in names if quantity in wanted and quantity in columns):
         units = {name: unit for name, unit in zip(*names[quantity], strict=True) if name in columns[quantity]}
@@ -111,7 +111,7 @@ def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
 
 
 def _quantity(header: Header, names: Names, wanted: Collection[str], where: str) -> str:
-    """Return the quantity of a column: the one that it names, or the only compared one with its component."""
+    """Return the quantity of a column: the quantity that it names, or the only compared quantity with its component."""
     if header.quantity and header.quantity not in names:
         raise UnknownNameError("quantity", header.quantity, names, f"{where}, column '{header.text}'")
     having = [name for name in [header.quantity] if name] or [*names]
@@ -169,7 +169,7 @@ def _unwind(values: Values, coordinates: Sequence[str], q: Array) -> Values:
 
 
 def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) -> pd.DataFrame:
-    """Judge the quantities of a table that have all their components, because equations hold only for these.
+    """Judge the quantities of a table that have all their components, which the equations need.
 
     The error that a table states for its values is admitted in residuals; positions that it does not contain are not
     judged.

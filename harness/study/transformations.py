@@ -138,7 +138,7 @@ def even_step(t: Array) -> float:
 
 
 def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
-    """Return the family of delayed tables; None with too few known values for interpolation.
+    """Return the family of delayed tables; None if there are too few known values for interpolation.
 
     Args:
         t: Times of the table [s]. Shape (n,).

@@ -1,4 +1,4 @@
-"""Contestants of benches, which pair methods with questions, and their selection.
+"""Contestants of benches, and their selection. A contestant pairs a method with a question.
 
 ``cases.toml`` lists the contestants for given motions, and the engines' own steppers.
 """
@@ -177,7 +177,7 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
 
 
 def leaving_out() -> Iterator[Contestant]:
-    """Yield each engine with reduced requests, to measure the savings; its first contestant computes everything."""
+    """Yield each engine with reduced requests, to measure savings; an engine's first contestant computes everything."""
     for engine in ENGINES:
         covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
@@ -201,7 +201,7 @@ def leaving_out() -> Iterator[Contestant]:
 
 
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
-    """Return the contestants with the given names or families; by default all whose packages are installed.
+    """Return the contestants with the given names or families; by default all contestants whose packages are installed.
 
     Raises:
         ScrewgaugeError: A name is unknown, or no name is given.

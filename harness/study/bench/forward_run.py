@@ -46,7 +46,9 @@ def shorten_motion(scene: Scene, plan: Plan) -> tuple[Scene, Sequence[str]]:
     """
     t = scene.start.t
     if not scene.observables:
-        raise DescriptionError("the scene has no observable to measure errors of", scene.name, "add [[observables]]")
+        raise DescriptionError(
+            "the scene has no observable, so there are no errors to measure", scene.name, "add [[observables]]"
+        )
     if plan.share < 1.0:
         t = t[t <= t[0] + plan.share * (t[-1] - t[0])]
     short = scene.at(t[spread(len(t), plan.samples)])
@@ -93,7 +95,7 @@ def measure(
 
 
 def _is_slow(scene: Scene) -> bool:
-    """Return True if stability requires so many steps of an explicit method that it is slow without compiled code."""
+    """Return True if an explicit method needs so many steps for stability that it is slow without compiled code."""
     if find_spec("llvmlite") is not None:
         return False
     start = scene.start
@@ -103,7 +105,7 @@ def _is_slow(scene: Scene) -> bool:
 
 
 def pose_simulation(scene: Scene, folder: Path) -> PreparedScene:
-    """Prepare a simulated scene, whose observables are compared, for methods.
+    """Prepare a simulated scene for methods that are compared by its observables.
 
     Args:
         folder: Folder for the model files.

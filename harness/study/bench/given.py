@@ -1,4 +1,4 @@
-"""Questions of benches: the motion of a scene, its true states, or a motion that is modified for a purpose.
+"""Questions for benches: the motion of a scene, its true states, or a modified motion.
 
 Each question is a function of scene, engine and wanted quantities. Additional arguments are bound by
 `functools.partial`, so that questions can be pickled.
@@ -159,7 +159,7 @@ def simulation(
     """Pose a simulation from the start; the wanted observables follow from the joint coordinates.
 
     Args:
-        method, rtol: Method of scipy, and its tolerances rtol = atol; those of the scene by default.
+        method, rtol: Method of scipy, and its tolerances rtol = atol; by default, as in the scene.
     """
     task = posed.scene.start
     if method:

@@ -1,4 +1,4 @@
-"""Stress by states that violate loop closure: how engines answer them, unmodified and after closing the loops."""
+"""Stress with states that violate loop closure: answers to the unmodified states, and after closing the loops."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ HARD, PASSES = 0.9999, 7
 FORWARD, TREE_FORCE, _SOFT_FORCE = "forward_acceleration", "tree_force", "tree_force_soft"
 #: Proximal settings that are exact to rounding for loops of full rank.
 _EXACT = {"mu": 1e-10, "iterations": 5}
-_TAKEN = "the engine takes the state for a closed one: its answer is for a mechanism pulled apart by the gap"
+_TAKEN = "the engine assumes that the state closes the loops: its answer is for a mechanism pulled apart by the gap"
 _SPRINGS = f"{_TAKEN}; springs across the gap reduce it over time, but do not correct the answer"
 _STIFF = "mj_inverse returns the force of its soft constraints: the gap times stiffness times apparent mass"
 _SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, even for closed states"
 
 
 def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions about joint coordinates and velocities with closure errors such as an integration leaves."""
+    """Yield questions about joint coordinates and velocities with closure errors as left by an integration."""
     scene = scene_in_motion(load_scene(SCENE), quick)
     mechanism, names, methods = scene.mechanism, tree_coordinates(scene.mechanism), tuple(map(Method, ENGINES))
     write_models(mechanism, folder, gravity=scene.applied.g)
@@ -122,7 +122,7 @@ def pull_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
 
 
 def _direction(shape: tuple[int, ...], phase: float) -> Array:
-    """Return a pattern without symmetry, with largest component one in every sample."""
+    """Return a pattern without symmetry, whose largest component is one in every sample."""
     pattern = np.cos(phase + 1.7 * np.arange(np.prod(shape, dtype=int))).reshape(shape)
     return np.asarray(pattern / np.abs(pattern).max(axis=1, keepdims=True))
 

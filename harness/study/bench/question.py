@@ -105,8 +105,8 @@ class Question:
 
     Attributes:
         files: Engine -> model files.
-        methods: Methods that solve the problem; by default those of the case in ``cases.toml`` whose `of` equals that
-            of the question.
+        methods: Methods that solve the problem; by default the methods of the case in ``cases.toml`` whose `of`
+            equals the `of` of the question.
         quantities: Measured quantities, in order.
         right: True values of the compared components; `UNKNOWN` without true values, in which case the judge measures.
         read: Module-level function that extracts the measured quantities from a solution.
@@ -114,7 +114,7 @@ class Question:
         remarks: Quantity -> remark that is added whatever the error.
         admitted: Quantity -> admitted scaled error, which replaces the method's estimate.
         by: Description of the source of an admitted error.
-        condition: Condition number of the closed loops, if it replaces that of the solved system.
+        condition: Condition number of the closed loops, if used instead of the condition number of the solved system.
         refused: Reason why no method is asked.
         unanswerable: Reason why no number is correct, so that a method must refuse the question.
     """
@@ -204,7 +204,7 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
 
 
 def _measure(question: Question, solution: Solution, row: Finding) -> Iterator[Finding]:
-    """Yield the findings for a solution; without reference values, that of the judge."""
+    """Yield the findings for a solution; without reference values, yield the finding of the judge."""
     if not question.known:
         yield _judge(question, solution, row)
         return
@@ -251,7 +251,7 @@ def _judge(question: Question, solution: Solution, blank: Finding) -> Finding:
 
 
 def _excuses(question: Question, solution: Solution) -> dict[str, str]:
-    """Return quantity -> the singularity that prevents a number; the empty name has the notes, for all quantities."""
+    """Return quantity -> the singularity that prevents a number; the empty name has notes on all."""
     if not isinstance(question.problem.task, GivenMotion):
         return {}
     refused = refusals(question.mechanism, question.problem, solution)
@@ -291,7 +291,7 @@ def exact_text(value: float) -> str:
 
 
 def scene_in_motion(scene: Scene, quick: bool) -> Scene:
-    """Return the scene at the poses, rates and accelerations of this module; only at the first of them if `quick`."""
+    """Return the scene at the poses, rates and accelerations of this module; if `quick`, only at the first pose."""
     return scene_at(scene, *(array[: 1 if quick else None] for array in (POSES, RATES, ACCELERATIONS)))
 
 
@@ -337,7 +337,7 @@ def loaded_scene(folder: Path) -> PreparedScene:
 
 
 def push(posed: PreparedScene, *methods: Method) -> Question:
-    """Pose the question for accelerations: of all joints from `screw`, of tree joints from other methods."""
+    """Ask `screw` for the accelerations of all joints, and every other method for those of the tree joints."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[:1] == (SCREW,) else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}

@@ -45,7 +45,7 @@ Tables = dict[str, Any]
 
 
 def body_ladder(change: Callable[[Tables, float], None]) -> Ask:
-    """Make a stress case of the unloaded default scene from a function that changes the tables of its mechanism.
+    """Make a stress case from a function that changes the mechanism tables of the unloaded default scene.
 
     The changed tables are written as a description, from which the model files of all engines are generated as usual.
     """
@@ -147,7 +147,7 @@ def _sample_numbers(count: int) -> Array:
 
 
 def stream_samples(lay: Layout, problem: Problem, *, scene: Scene, count: int) -> Solution:
-    """Solve all samples of a scene with `screw`, part by part, and return those at the times of a problem."""
+    """Solve all samples of a scene with `screw`, part by part, and return the samples at the times of a problem."""
     clock, at = Stopwatch(), np.rint(motion_task(problem).t / STEP).astype(int)
     parts: dict[str, list[Values]] = {name: [] for name in sorted(problem.wanted)}
     worst, done, version = 0.0, 0, ""

@@ -43,7 +43,7 @@ Measurements = tuple[dict[str, Any], dict[str, list[float]]]
 """Contestant -> result of its first call, and contestant -> its measured times [s]."""
 
 #: Note on the times of contestants that ran simultaneously.
-BESIDE = "Contestants were measured concurrently in several processes or on several workers, which disturbs times."
+BESIDE = "Contestants were measured concurrently in several processes or on several workers, which affects the times."
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -177,7 +177,7 @@ def check_given(scene: Scene) -> None:
     for entry, names in (("models", scene.models), ("tables", scene.tables)):
         if names:
             raise DescriptionError(
-                "the bench measures methods on models generated from the description, not on your own",
+                "the bench measures methods on models generated from the description, not on your own models",
                 f"{scene.file or scene.name}, {entry}",
                 f"remove [{entry}], or compare {', '.join(names)} with `screwgauge run`",
             )
@@ -191,7 +191,7 @@ def check_given(scene: Scene) -> None:
         )
     if any(load.courses or load.axes == "body" for load in scene.applied.loads):
         what = "the bench of a given motion supports only loads that are constant in world axes"
-        raise DescriptionError(what, scene.name, "remove the others, or add [forward]")
+        raise DescriptionError(what, scene.name, "remove all other loads, or add [forward]")
 
 
 def _rounding(posed: PreparedScene) -> dict[str, float]:
@@ -223,7 +223,7 @@ def _measure_as_tasks(
     run: Callable[..., object],
 ) -> None:
     """Measure contestants as tasks, and store new results and times."""
-    end, plan = time() + plan.left, replace(plan, clock=perf_counter_ns)  # clocks of tests do not pickle
+    end, plan = time() + plan.left, replace(plan, clock=perf_counter_ns)  # clocks of tests cannot be pickled
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
     known = dict(kept.results), {key: [*times] for key, times in kept.times.items()}
     works = {name: partial(_measure_group, posed, plan, group, known, end) for name, group in groups.items()}
@@ -279,7 +279,9 @@ class _Measurements:
         self.models: dict[tuple[str, ModelFiles], EngineModel] = {}
 
     def all(self, chosen: Sequence[Contestant]) -> None:
-        """Measure the first settings of all contestants, then the second ones and so on: a short budget omits none."""
+        """Measure the first settings of all contestants, then the second settings, and so on.
+
+        Thus a short budget omits no contestant."""
         groups = [list(group) for _, group in groupby(chosen, key=_group)]
         turns = (contestant for turn in zip_longest(*groups) for contestant in turn if contestant is not None)
         for i, contestant in enumerate(turns):

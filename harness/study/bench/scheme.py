@@ -1,7 +1,7 @@
 """The paper's own scheme as an additional method: velocities of each chain from eq. (26), joint angles by time steps.
 
-The twist of the platform drives every chain separately, and nothing corrects closure errors (eqs. 15-27). The twist is
-that of eq. (60), as printed or corrected; the steps are explicit Euler's (eq. 27) or Runge-Kutta's. Since steps are
+The twist of the platform drives every chain separately, and nothing corrects closure errors (eqs. 15-27). The twist
+follows eq. (60), as printed or corrected; the steps use explicit Euler (eq. 27) or Runge-Kutta. Since steps are
 sequential, each step is kept cheap by stacking all chains as small matrices.
 """
 
@@ -33,7 +33,7 @@ PARTS = {"euler": 1, "rk4": 2}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chains:
-    """Serial chains from ground to the platform, stacked, with shorter ones padded.
+    """Serial chains from ground to the platform, stacked; shorter chains are padded.
 
     Attributes:
         columns: Column of each degree of freedom among all joint coordinates; 0 for padding. Shape (n_chain, m).
@@ -65,7 +65,7 @@ class Chains:
         return out
 
     def walk(self, theta: Array) -> tuple[Array, Array, Array]:
-        """Compute the unit screws of all freedoms, and the platform's pose from each chain, by the corrected eq. (24).
+        """Compute unit screws of all degrees of freedom, and the platform's pose from each chain; corrected eq. (24).
 
         Args:
             theta: Coordinates by chain. Shape (..., n_chain, m).
@@ -183,8 +183,8 @@ def integrate(
     """Run the scheme of eqs. (15)-(27) over a motion, then eq. (44) for the accelerations.
 
     Args:
-        motion: Motion at evenly spaced times, the ends of all parts of the steps. The loops are closed at the first
-            sample.
+        motion: Motion at evenly spaced times, which are the ends of all parts of the steps. The loops are closed at the
+            first sample.
         twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) minus the terms of eqs. (22)-(23).
         method: ``euler``, eq. (27), or ``rk4``.
 
@@ -201,7 +201,7 @@ def integrate(
     if rest or not steps:
         what, remedy = (
             f"{len(motion)} samples do not make whole steps of {method}",
-            f"pass {parts} for each step, plus one",
+            f"pass {parts} samples for each step, plus one",
         )
         raise DescriptionError(what, "motion", remedy)
     V, A = platform_screws(lay, motion, twist)

@@ -1,7 +1,7 @@
 """Stress at singularities: poses of the 3-UPS-UPU-S, wrist locks, and motions through singular poses between samples.
 
-Planar linkages have motions in closed form, and start at home. Where assembly branches meet, samples of the independent
-coordinates do not determine the branch that follows: such a motion has no answer, whatever the samples.
+Planar linkages have motions in closed form, and start in the home pose. Where assembly branches meet, samples of the
+independent coordinates do not determine the branch that follows: such a motion has no answer, whatever the samples.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question
 
 
 def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Pass the lock of leg 4 in steps of several sizes; the last size is a single distant pose."""
+    """Pass the lock of leg 4 with several step sizes; with the last step size, only one distant pose is solved."""
     for step in (0.1, FAR) if quick else (0.001, 0.01, 0.1, FAR):
         a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
         scene = scene_at(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
@@ -106,7 +106,7 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Solution:
-    """Solve eqs. (57)-(58) for all bodies at once for actuator forces of minimum norm, instead of using virtual power.
+    """Solve eqs. (57)-(58) for all bodies at once, and return actuator forces of minimum norm; use no virtual power.
 
     The error estimate is the rounding error times the condition number of the system.
 
@@ -131,13 +131,13 @@ def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Sol
 
 
 def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
-    """Compute the matrix c of eq. (57) in numpy's longest format, at poses known in closed form.
+    """Compute the matrix c of eq. (57) in numpy's widest number type, at poses known in closed form.
 
     Args:
         y: Independent coordinates [rad or m]. Shape (n, k).
 
     Returns:
-        See `force_matrix`. None if that format is not wider than a double, or the closed form leaves the loops open.
+        See `force_matrix`. None if that type is not wider than a double, or the closed form leaves the loops open.
     """
     wider = np.finfo(np.longdouble)
     if not wider.eps < np.finfo(float).eps:
@@ -179,7 +179,7 @@ MOVED = ("joint_position", "joint_acceleration", "actuator_force")
 
 @dataclass(frozen=True, slots=True)
 class Passing:
-    """Linkage with a motion that has a solution or none.
+    """Linkage with a motion, which may have no solution.
 
     Attributes:
         motion: Independent coordinate -> its table in a scene.
@@ -260,8 +260,8 @@ def near_change_points(count: int, gap: float, seed: int = 0) -> Iterator[Passin
     """Yield random four-bars, slider-cranks and five-bars in turn, moving past poses with nearly collinear bars.
 
     Args:
-        gap: Excess length at that pose of the two bars between the others [m]: at 0, two branches meet; below 0, no
-            branch gets past; above 0, the home branch does.
+        gap: Length by which the bars exceed what that pose requires [m]. At 0, two branches meet there;
+            below 0, no branch passes the pose; above 0, the home branch passes it.
     """
     for i in range(count):
         rng = np.random.default_rng([seed, i])

@@ -1,8 +1,8 @@
-"""Stress by stiffness: springs and dampers across prismatic joints; accelerations, and a short motion with its energy.
+"""Stress due to stiff springs and dampers across prismatic joints: accelerations, and a short motion with its energy.
 
 The reference is Radau collocation of high order that evaluates all stages of a step at once. Ten stages have order
-nineteen and damp fast components, so that few steps suffice to reach rounding. The tested integrators share nothing
-with it.
+nineteen and damp fast components, so that few steps suffice to reach rounding. The tested integrators share no code
+with this method.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _RADAU = tuple(Method(engine, label=f"{engine} Radau") for engine in ("screw", "
 
 
 def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions on the 3-UPS-UPU-S with four springs: accelerations, and motions by scipy and by own steppers."""
+    """Yield questions on the 3-UPS-UPU-S with four springs: accelerations, and integrated motions."""
     yield from accelerations(stiffness, folder)
     question, fastest = motion(leg_springs(load_scene(SCENE).mechanism, stiffness), folder)
     yield explicit_method(question, fastest)
@@ -68,7 +68,7 @@ def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question
 
 
 def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ...]:
-    """Put a spring and damper along every actuated joint, relaxed at home.
+    """Put a spring and damper along every actuated joint, relaxed in the home pose.
 
     Args:
         stiffness: Stiffness of each spring [N/m].
@@ -83,7 +83,7 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
 
 
 def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
-    """Yield questions about the loaded default scene with springs of rounded lengths that the actuators compensate."""
+    """Yield questions about the loaded default scene with springs, whose forces the actuators compensate."""
     posed = loaded_scene(folder)
     springs, at = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
     admitted = {ACCELERATION: _spring_rounding(posed, springs, at)}
@@ -196,7 +196,7 @@ def explicit_method(question: Question, fastest: float) -> Question:
 
 
 def read(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Return joint positions, and the deficit in the sum of kinetic energy, springs, gravity and work of dampers."""
+    """Return joint positions, and the deficit in the sum of kinetic and potential energy and the work of dampers."""
     lay, columns = layout(question.mechanism), question.mechanism.independent_columns
     q, v = (solution.values[name].array[:, columns] for name in ("joint_position", "joint_velocity"))
     moving = _closed_motion(lay, np.concatenate([q, v], axis=1), question.problem.applied)

@@ -78,10 +78,10 @@ class StressCase:
             raise DescriptionError("no severity is given", where, f"choose severities within {self.span}")
         for value in severities or ():
             if self.whole and value != int(value):
-                raise DescriptionError(f"severity {value:g} must be a whole number", where, "choose another")
+                raise DescriptionError(f"severity {value:g} is not a whole number", where, "choose a whole number")
             if not self.low <= value <= self.high:
                 what = f"severity {value:g} is outside {self.low:g} to {self.high:g} ({self.axis})"
-                raise DescriptionError(what, where, "choose one within this range")
+                raise DescriptionError(what, where, "choose a severity within this range")
         return list(dict.fromkeys(severities or (self.quick if quick else self.full)))
 
 
@@ -223,7 +223,7 @@ def _climb_rung(case: StressCase, severity: float, quick: bool, progress: Progre
 
 
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
-    """Return the findings for one severity; an unexpected error yields one finding of `ALL`."""
+    """Return the findings for one severity; an unexpected error yields one finding for all engines, `ALL`."""
     try:
         # extreme problems overflow on purpose, and their results are judged
         with np.errstate(all="ignore"), tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:

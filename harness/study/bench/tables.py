@@ -191,7 +191,7 @@ class SlopeFit:
 
 
 def fits(rows: Sequence[BenchRow], rules: Sequence[Mapping[str, Any]] = RULES) -> list[SlopeFit]:
-    """Fit the rules for which rows exist, except those cut short before three points were measured."""
+    """Fit the rules for which rows exist, except if these were cut short before three points were measured."""
     fitted = []
     for rule in rules:
         line, quantity, window = rule["line"], rule["quantity"], {**rule}

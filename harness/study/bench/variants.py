@@ -1,7 +1,7 @@
 """Variants of the solver `screw`, which show the effect of its parts, its precision and common shortcuts.
 
 `variant` puts a function in the place of an engine. The functions in `VARIANTS` answer given motions; their
-actuator forces are those of minimum norm, and they do not estimate errors.
+actuator forces have minimum norm, and they do not estimate errors.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def load_variant(
     """Load a description for a variant.
 
     Args:
-        function: See `Variant`. A function of a module.
+        function: Module-level function, see `Variant`.
         dtype: Precision from the first operation to the last; double by default.
         settings: Settings of the function.
     """
@@ -118,7 +118,7 @@ def closed_form(lay: Layout, problem: Problem, *, mended: bool = False) -> Array
 
 
 def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
-    """Compute positions with a fixed number of Newton steps, from predictions along the path from home.
+    """Compute positions with a fixed number of Newton steps, from predictions along the path from the home pose.
 
     Each prediction starts from a corrected sample at most `STEP` away, and is not checked.
     """
@@ -160,7 +160,7 @@ def without_drift(lay: Layout, problem: Problem) -> Arrays:
 def paper(lay: Layout, problem: Problem, *, twist: str, method: str) -> Arrays:
     """Run the paper's own scheme from the first pose, see `screwgauge.study.bench.scheme.integrate`.
 
-    The motion must contain every step of the method, for ``rk4`` also the halfway points; values are returned at the
+    The motion must contain every step of the method and, for ``rk4``, the halfway points; values are returned at the
     steps.
     """
     q, w, beta = integrate(lay, given_motion(problem), twist=twist, method=method)

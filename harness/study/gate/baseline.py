@@ -1,4 +1,4 @@
-"""Baselines: JSON files with the errors of a known state, versions and hashes; later states must not lose digits."""
+"""Baselines: JSON files with the errors, versions and hashes of a check; later checks must not lose digits."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ GROWN, NOISE = 10.0, 0.01 * SOLVED
 
 @dataclass(frozen=True, slots=True)
 class Against:
-    """Comparison with a known state.
+    """Comparison of a check with a baseline.
 
     Attributes:
         changed: Sentences on changed engines, models and versions.
         worse, improved: Sentences on errors that grew or shrank, with the digits lost or gained.
-        notes: Sentences on rows that only one of the two states contains.
+        notes: Sentences on rows that are only in the check or only in the baseline.
     """
 
     file: str
@@ -65,7 +65,7 @@ def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
 
 
 def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: bool = False) -> None:
-    """Write the given rows as the known state.
+    """Write the given rows as the new baseline.
 
     Raises:
         OutputError: A row has no numbers, or the file cannot be written or is not a baseline; it then stays unchanged.
@@ -107,7 +107,7 @@ def compare_baseline(file: Path, rows: Sequence[GateRow], smoke: bool) -> Agains
 
 
 def check_baseline(file: Path, *, force: bool = False) -> None:
-    """Reject overwriting a file that is not a baseline.
+    """Refuse to overwrite a file that is not a baseline.
 
     Raises:
         OutputError: The file is not a baseline.

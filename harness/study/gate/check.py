@@ -38,7 +38,7 @@ class Check:
     Attributes:
         rows: One row for each scene or pair of models.
         smoke: True if only a few samples were checked.
-        against: Comparison with a baseline; None without one.
+        against: Comparison with a baseline; None without a baseline.
         unread: Descriptions, scenes and models in the named folders that were not read.
         date: Date of the check, ISO 8601 in UTC.
     """
@@ -87,7 +87,7 @@ class Check:
             raise AssertionError("\n".join(self.faults) or "nothing was checked")
 
     def write_baseline(self, file: str | Path, *, force: bool = False) -> None:
-        """Write this state as the new baseline.
+        """Write this check as the new baseline.
 
         Args:
             file: File of the baseline; an existing baseline is replaced.

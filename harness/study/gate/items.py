@@ -36,7 +36,7 @@ class Item:
 
 
 def items(what: Iterable[str | Path]) -> list[Item]:
-    """Convert arguments to items: two model files form a pair, four form two pairs; one becomes a scene, as in `run`.
+    """Convert arguments to items: two model files form a pair, four form two pairs; a single file forms a scene.
 
     Args:
         what: Built-in scenes, files, folders; all built-in scenes if empty.
@@ -52,7 +52,7 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     models = [name for name in given if is_model(name)]
     if len(models) > 1 and len(models) % 2:
         what_is = f"{len(models)} model files: the last one, {models[-1]}, has no partner"
-        raise DescriptionError(what_is, "check", "pass model files in pairs, or a single one")
+        raise DescriptionError(what_is, "check", "pass model files in pairs, or a single file")
     every = [Item(_stem(name), (name,)) for name in _scenes(name for name in given if name not in models)]
     if len(models) == 1:
         every.append(Item(_stem(models[0]), (models[0],)))
@@ -114,7 +114,7 @@ def find_unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
 
 
 def _is_scene(path: Path) -> bool:
-    """Return True for a scene, even an incomplete one, or an unreadable file: the check then reports the reason."""
+    """Return True for a scene, even if incomplete, and for an unreadable file, so that the check reports the reason."""
     if path.name.endswith(LOOPS):
         return False
     try:

@@ -38,7 +38,7 @@ def known_item() -> Item:
 
 
 def known_row(item: Item, settings: GateSettings) -> GateRow:
-    """Check that the pair is the same, that planted differences are found, and that imports match what was read."""
+    """Check that both files agree, that planted differences are found, and that imports match what was read."""
     row = compare_pair(item, settings)
     wrong = next(_failures(), "") if row.ok else ""
     return replace(row, status="failed", sentence=wrong) if wrong else row
@@ -58,7 +58,7 @@ def _failures() -> Iterator[str]:
 
 
 def _misses(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator[str]:
-    """Yield planted differences that a diagnosis misses or sizes wrongly, in either order of the files."""
+    """Yield planted differences that a diagnosis misses or quantifies wrongly, in either order of the files."""
     planted = f"{what} of {item} that differs by {SIZE:.0%}"
     for each in (found, back):
         told = [(one.what, one.item_a, one.size) for one in each.differences]

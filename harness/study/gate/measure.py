@@ -43,7 +43,7 @@ class GateSettings:
     """Settings for the check of items, which can be pickled.
 
     Attributes:
-        tolerances: Admitted scaled errors of quantities for which a scene specifies none.
+        tolerances: Admitted scaled errors of quantities whose tolerance the scene does not specify.
         tell: Function that describes a comparison in a sentence or two.
         more: Function that describes in a sentence what files contain in addition to the compared machine.
         meshes: Compute mass and inertia of model files from meshes.
@@ -116,7 +116,7 @@ def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
     """Return the files that make up a scene, including those that its description extends.
 
     Args:
-        engines: Engines that ran; models and tables of all others are omitted. None for all.
+        engines: Engines that ran; models and tables of all other engines are omitted. None for all.
     """
     files = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
     used = [file for name, file in files.items() if engines is None or name in engines]

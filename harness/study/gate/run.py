@@ -70,7 +70,7 @@ def _time(item: Item, settings: GateSettings, progress: Callable[..., None]) -> 
 
 
 def check_item(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """Check an item; bad input and engines that fail become rows. `progress`: see `compared`."""
+    """Check an item; bad input and engines that fail become rows. `progress`: see `compare_scene`."""
     try:
         row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
     except ScrewgaugeError as error:

@@ -1,4 +1,4 @@
-"""Smoke tests: a few samples of a scene, engines that cover more terms than the default ones, and planted errors."""
+"""Smoke tests: a few samples of a scene, engines that cover more terms than the default engines, and planted errors."""
 
 from __future__ import annotations
 
@@ -70,7 +70,8 @@ def _name_quantities(other: Scene, scene: Scene) -> str:
 def reduce_scene(scene: Scene) -> tuple[Scene, str]:
     """Reduce a scene to a few samples; return it with a sentence on them.
 
-    The samples are those of an exciting motion, or of the scene's own motion if there is no room for an exciting one.
+    The samples are those of an exciting motion, or of the scene's own motion if the limits leave no room for
+    an exciting motion.
     Simulations are shortened.
     """
     if scene.simulated:
@@ -93,8 +94,8 @@ def full_cuts(scene: Scene) -> Scene | None:
     """Return a copy of a scene for `screw` and the full cuts of its engines, all on the description, with one quantity.
 
     No other test covers terms that only a full cut has, such as those of welded copies of moving bodies, or the rule
-    `spherical_axial`, which is used if the mechanism permits. Return None without full cuts, if they run anyway, or if
-    the scene has no given motion.
+    `spherical_axial`, which is used if the mechanism permits it. Return None if there are no full cuts, if they run
+    anyway, or if the scene has no given motion.
     """
     names = [name for name in (f"{engine}-full" for engine in scene.engines) if name in ENGINES]
     if scene.simulated or not names or {*names} <= {*scene.engines}:
@@ -109,7 +110,8 @@ def full_cuts(scene: Scene) -> Scene | None:
 def with_lagrange(scene: Scene) -> Scene | None:
     """Reduce a built-in scene to `screw` and the independent formulation `lagrange`, with the quantities of both.
 
-    Return None if `lagrange` runs anyway, or does not support the scene. Users name `lagrange` in their own scenes.
+    Return None if `lagrange` runs anyway, or does not support the scene. Users can request `lagrange` in their own
+    scenes.
     """
     quantities = tuple(name for name in scene.quantities if name not in ENGINES["lagrange"].lacks)
     if not (_built_in_for("lagrange", scene) and quantities):
@@ -126,8 +128,9 @@ def _built_in_for(engine: str, scene: Scene) -> bool:
 def with_truth(scene: Scene) -> Scene | None:
     """Reduce a built-in scene to one sample for `screw` and `truth`, without springs and motors, which truth refuses.
 
-    For a scene with loads, truth reads its strings, otherwise doubles, so that the smoke test covers both. Return None
-    if truth runs anyway, is not installed, or does not support the scene. Users name `truth` in their own scenes.
+    For scenes with loads, `truth` reads strings, for other scenes doubles, so that the smoke test covers both. Return
+    None if truth runs anyway, is not installed, or does not support the scene. Users can request `truth` in their own
+    scenes.
     """
     if not _built_in_for("truth", scene):
         return None
@@ -137,7 +140,7 @@ def with_truth(scene: Scene) -> Scene | None:
 
 
 def find_blind_spot(results: Comparison) -> str:
-    """Plant differences, and report the first one that the comparison misses or sizes wrongly.
+    """Plant differences, and report the first one that the comparison misses or quantifies wrongly.
 
     An answer is compared with a copy in which one value of each quantity and unit has a known error.
 

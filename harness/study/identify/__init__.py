@@ -1,1 +1,1 @@
-"""Identification: which numbers of a machine its forces determine, and their estimates from measured forces."""
+"""Identification: which numbers of a machine can be determined from its forces, and their estimates."""

@@ -24,12 +24,14 @@ INSIDE, NEW, ENTRY = 1e-7, 1e-5, 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """Change in numbers that affects no motion; only to first order if a load acts at a centre of mass.
+    """Change in numbers that leaves the forces of every motion unchanged.
+
+    If a load acts at a centre of mass, this holds only to first order.
 
     Attributes:
-        kind: `MASS`, `FIRST` or `SECOND` if shifted through a joint from one body to the other; otherwise `LIST`.
+        kind: `MASS`, `FIRST` or `SECOND` if that moment shifts through a joint to the other body; otherwise `LIST`.
         joint, axis: For the first three kinds, joint and place in its frame: ``axis``, or names of axes.
-        bodies: Body that loses and body that gains; a single body if the other is the ground.
+        bodies: Body that loses this moment, and body that gains it; a single body if the other body is the ground.
         entries: Moment (about the body's origin) or resistance -> its share in SI units; the largest share is one.
     """
 
@@ -58,7 +60,7 @@ class Structure:
 
 
 def structure(regressor: Regressor, seed: int = 0) -> Structure:
-    """Determine, from random rates, which of the unknown numbers any motion can identify."""
+    """Determine, from random rates, which of the unknown numbers can be identified at all."""
     matrix = regressor.shaken(seed)
     scales = np.linalg.norm(matrix, axis=0)
     scales[scales <= LEAST * scales.max(initial=0.0)] = np.inf
@@ -86,7 +88,7 @@ class _Found:
         self.known, self.directions = np.zeros((0, len(units))), list[Direction]()
 
     def add_all(self, mechanism: Mechanism) -> None:
-        """Add directions of joints, then of single bodies and of pairs at a joint, then all remaining ones."""
+        """Add directions of joints, then of single bodies and of pairs at a joint, then all remaining directions."""
         for joint in mechanism.joints:
             for kind, axis, ends in _shifts_through(joint):
                 self._pass(joint, kind, axis, ends)
@@ -102,7 +104,7 @@ class _Found:
         return np.asarray(back[int((values > INSIDE).sum()) :] @ self.null)
 
     def _rest(self) -> Array:
-        """Return orthonormal null directions that are orthogonal to the known ones. Shape (m, count)."""
+        """Return orthonormal null directions that are orthogonal to the known directions. Shape (m, count)."""
         values, back = np.linalg.svd(self.null - self.null @ self.known.T @ self.known, full_matrices=False)[1:]
         return np.asarray(back[values > NEW])
 
@@ -163,7 +165,7 @@ def _point(x: Array) -> Array:
 
 
 def _second(a: Array, b: Array) -> Array:
-    """Return the moments of a second moment without mass, as of matter along a line through any point. Shape (10,)."""
+    """Return the moments of a second moment without mass, like those of matter along a line. Shape (10,)."""
     return np.array([0.0, 0.0, 0.0, 0.0, *_inertia(0.5 * (np.outer(a, b) + np.outer(b, a)))])
 
 

@@ -25,7 +25,7 @@ CORRELATED, ROUNDING = 0.3, 1e-6
 
 
 class Unknowns:
-    """Dimensionless coordinates of all numbers: zero is the scene, one is a standard deviation of the prior.
+    """Dimensionless coordinates of all numbers: zero is the value in the scene, one is a prior standard deviation away.
 
     Each body has ten coordinates, see `consistent_bodies`, so that every point is a physically consistent body; each
     resistance has one, with a lower bound.
@@ -107,9 +107,10 @@ def fit_samples(unknowns: Unknowns, measured: Array, matrix: Array, independent:
     """Fit the most likely machine to every second sample, and predict the remaining ones.
 
     Args:
-        measured: Measured forces minus the forces at zero features, over the largest of their unit. Shape (n, c).
+        measured: Measured forces minus the forces at zero features, relative to the largest force of the same unit.
+            Shape (n, c).
         matrix: Derivatives of the forces with respect to the features. Shape (n, c, n_feature).
-        independent: Number of independent forces per sample: redundant actuators have more forces.
+        independent: Number of independent forces per sample, which is less than c for redundant actuators.
         noise: Noise of the forces; estimated from residuals if None, starting with `NOISE`.
 
     Raises:

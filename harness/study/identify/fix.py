@@ -30,7 +30,7 @@ def check_fix(out: Path, model: Path | None, data: Path | None) -> None:
 def write_fix(found: Identification, out: Path, model: Path | None, *, force: bool = False) -> Iterator[str]:
     """Write the most likely numbers; yield a sentence on the file, and on each number that could not be written.
 
-    A model file is corrected as by ``diagnose``, which writes only differences from the identified machine.
+    A model file is corrected as in ``diagnose``: only differences from the identified machine are written.
 
     Raises:
         ScrewgaugeError: The file cannot be written.

@@ -1,4 +1,4 @@
-"""Identification: which numbers of a machine its forces determine, and their estimates from measured forces."""
+"""Identification: which numbers of a machine can be determined from its forces, and their estimates."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Identification:
 
     @property
     def after(self) -> Array:
-        """Standard deviations after this motion, or those of the estimate if there is an estimate. Shape (E,)."""
+        """Standard deviations of the estimate if there is an estimate, otherwise after this motion. Shape (E,)."""
         return self.expected if self.fit is None else self.fit.deviations
 
     @property
@@ -151,7 +151,7 @@ def identify(
 
 
 def _scene_of_table(scene: Scene, table: Recorded) -> Scene:
-    """Return the scene at the times of a table, and with the motion of the table if it contains one."""
+    """Return the scene at the times of a table, and with the motion of the table if the table contains a motion."""
     labels = [*scene.mechanism.independent]
     of_motion = {f"{label}{order}" for label in labels for order in ("", "d", "dd")}
     if table.file is not None and of_motion <= {*table.columns}:  # an actuator may be named like a coordinate
@@ -182,7 +182,7 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
     surplus, measured = max(len(units[0]) - len(scene.mechanism.independent), 0), values.array
     if surplus and len(columns) < len(units[0]):
         what = f"has only {len(columns)} of the {len(units[0])} forces of redundant actuators"
-        raise DescriptionError(what, where, "add the others")
+        raise DescriptionError(what, where, "add the missing forces")
     if surplus:
         measured = regressor.without_preload(measured)
     base, matrix = regressor.values, regressor.matrix

@@ -1,4 +1,4 @@
-"""Draws: the numbers of each variant depend only on its index in the sweep, whoever solves the variant, and when."""
+"""Draws: the numbers of each variant depend only on its index, not on the process or the order of solution."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Draw:
         )
 
     def _uniform(self, draws: Rows) -> Array:
-        """Return uniform numbers in (0, 1) for given draws, equal at each point of a grid. Shape (dimensions, n)."""
+        """Return uniform numbers in (0, 1) for draws, the same at every grid point. Shape (dimensions, n)."""
         plan, out = self.plan, np.empty((self.dimensions, len(draws)))
         if not self.dimensions:
             return out

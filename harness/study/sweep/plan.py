@@ -71,7 +71,7 @@ class Plan:
     Attributes:
         scene: The scene about whose numbers the variants scatter.
         count: Number of draws, at each point of the grid if there is a grid.
-        scatter: Numbers that scatter; each is one dimension of the draw, each body ten.
+        scatter: Numbers that scatter: a number is one dimension of the draw, a body ten dimensions.
         grid: Full name of a number -> its values.
         check: Number of variants that the engines of the scene check.
         indices: Number of draws for Sobol's indices; 0 to omit them.
@@ -146,7 +146,7 @@ def _whole(data: Mapping[str, Any], key: str, usual: int, least: int, where: str
     count = value if isinstance(value, int) and not isinstance(value, bool) else number(value, f"{where}, {key}")
     if count != int(count) or not least <= count <= MOST:
         raise DescriptionError(
-            f"{shown(value)} is not a valid count", f"{where}, {key}", f"use a whole number from {least} on"
+            f"{shown(value)} is not a valid count", f"{where}, {key}", f"use a whole number of at least {least}"
         )
     return int(count)
 
@@ -166,7 +166,7 @@ def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> l
         Scatter(name, kind, _size(size, known[name], where), known[name]) for name in chosen(known, [pattern], where)
     ]
     if still := [one.name for one in found if not one.size]:
-        what = f"{first_few(still, 3)}: a share of zero does not scatter"
+        what = f"{first_few(still, 3)}: a percentage of zero does not scatter"
         raise DescriptionError(what, where, "state the scatter in the unit of the number")
     return found
 
@@ -206,7 +206,7 @@ def _grid(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list
             raise DescriptionError(
                 f"{shown(listed)} is not a valid list of values",
                 where,
-                "use a list that is not empty, and no other key",
+                "use a non-empty list, and no other key",
             )
         values = np.array([number(x, where) for x in listed])
     else:

@@ -54,7 +54,7 @@ def columns(plan: Plan) -> list[Column]:
 
 
 def _solve_chunk(plan: Plan, key: str, first: int, stop: int, progress: Progress) -> dict[str, Any]:
-    """Return values row by row, one variant each, as base64 text, and the reasons of variants without values.
+    """Return the values as base64 text, one row per variant, and the reasons why variants have no values.
 
     Args:
         key: Key of the plan, which a process compiles once.
