@@ -1,1 +1,1 @@
-"""The engines. Each has its own directory or file, the only place that imports the engine's library."""
+"""The engines. Each engine has its own directory or file; no other module imports the engine's library."""

@@ -34,7 +34,7 @@ def assemble(
         labels: Engine, version, setting.
         n: Number of samples.
         solve_part: Solves the rows of a part.
-        names: Called afterwards; returns the components of each quantity.
+        names: Called after the last part; returns the components of each quantity.
         size: Length and mass of the mechanism [m, kg].
         at_once: Number of samples in a part.
     """
@@ -86,7 +86,7 @@ class JointMotion:
         Args:
             labels: Engine, version, setting.
             work: Work of motors, loads and dampers since the start [J]; NaN if unknown. Shape (m,).
-            stopped: Why the motion ended early, empty if it did not.
+            stopped: Why the motion ended early; empty if it reached the end.
             reactions: Constraint forces, if requested.
 
         Raises:

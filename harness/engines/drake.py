@@ -111,7 +111,7 @@ class DrakeTree(kit.OpenTree):
     def transmitted(self, at: kit.BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """Compute joint wrenches with the Newton-Euler equations from the tips inwards.
 
-        Drake's own reactions need its forward dynamics, which massless crosses of composite joints make singular.
+        Drake's own reactions need its forward dynamics, which is singular if composite joints have massless crosses.
         """
         V = at.velocities(v)
         A = self.bias(at, q, v, V) + at.velocities(a)

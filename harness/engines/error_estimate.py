@@ -5,9 +5,9 @@ norm of the dimensionless inverse of the closing system. It changes the rates, s
 to g^2 eps, and the accelerations, which contain the rates, by up to g^3 eps. Measurements on the 3-UPS-UPU-S, at
 distances of 1e-1 to 1e-12 from b = 0.3568 rad, show that engines with projection lose exactly these digits, and that
 their forces lose the digits of the inertial part. Powers of g overstate the loss if loads are heavy and the motion is
-slow. Ill-conditioned samples are therefore solved again rather than extrapolated: the pose is perturbed by an amount
-of the size of rounding, once in the worst direction and once in a generic one, and the results are compared.
-Well-conditioned samples use the powers, which take no extra time.
+slow. Ill-conditioned samples are therefore solved again rather than extrapolated: the pose is perturbed by about the
+rounding error, once in the worst direction and once in a generic one, and the results are compared. Well-conditioned
+samples use the powers, which take no extra time.
 """
 
 from __future__ import annotations
@@ -47,17 +47,18 @@ class Trust:
 
     Attributes:
         condition: Condition number of the closing system. Shape (n,).
-        gain: Dimensionless norm of its inverse: for the worst loop in its own length, or for all loops at once in
-            the mechanism's length, see `stretch`. Shape (n,).
+        gain: Norm of the inverse of the dimensionless closing system: for the worst loop, made dimensionless with this
+            loop's length, or for all loops together, with the mechanism's length, see `stretch`. Shape (n,).
         charts: Condition number of the charts of cut joints, 1 at best; affects joint coordinates only. (n,).
         forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
         speed: Largest rate, in rad/s or mechanism lengths per s. Shape (n,).
         rush: Acceleration scale: the largest acceleration or the square of `speed`. Shape (n,).
         load: Largest force term [N]; terms may cancel. Shape (n,).
         open: Loop residuals beyond rounding, dimensionless. Shape (n,).
-        rushes: Quantity -> acceleration scale replacing `rush` where its accelerations have larger terms. (n,).
-        stretch: Rounding of one closing equation relative to the shortest loop, divided by its rounding relative to the
-            mechanism, if gains are per loop. (n,).
+        rushes: Quantity -> acceleration scale that replaces `rush` for a quantity whose accelerations have larger
+            terms. (n,).
+        stretch: If gains are per loop: rounding of a closing equation relative to the shortest loop, divided by
+            rounding relative to the mechanism. (n,).
     """
 
     condition: Array
@@ -128,7 +129,7 @@ class SolvedPart:
     Attributes:
         values: Quantity -> values. Shape (n, m).
         doubtful: Samples that were solved again.
-        moved: Quantity -> change of the components at these samples. Shape (n_doubtful, m).
+        moved: Quantity -> change in the components at these samples. Shape (n_doubtful, m).
         q: All joint coordinates [rad or m], shape (n, n_q); None if unknown.
     """
 
@@ -140,7 +141,7 @@ class SolvedPart:
 
 
 def perturbations(A: Array, k: int) -> list[Array]:
-    """Return two perturbations of the unknowns of the size of rounding: in the most sensitive and a generic direction.
+    """Return two perturbations of the unknowns by rounding errors: in the most sensitive and in a generic direction.
 
     Args:
         A: Dimensionless closing system. Its last k rows select y and are exact. Shape (n, m + k, n_unknown).
@@ -198,9 +199,9 @@ def examine_part(
 def vanishing_samples(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
     """Choose representative samples to solve again where the values in one unit vanish relative to their terms.
 
-    Values that cancel are measured by their terms, which may be a million times the comparison scale. Powers of the
-    gain ignore cancellation and would then allow far too large errors. One sample represents all samples with smaller
-    powers, see `absolute_error`.
+    Values whose terms cancel are measured by these terms, which may be a million times the comparison scale. Powers of
+    the gain ignore cancellation and would then allow far too large errors. One sample represents all samples with
+    smaller powers, see `absolute_error`.
 
     Args:
         values: Quantity -> shape (n, m).
@@ -278,7 +279,7 @@ def absolute_error(name: str, part: SolvedPart, local: Array, columns: Sequence[
     """Return the largest estimated error of the given components, in their unit.
 
     Args:
-        local: Size of the components' terms. Shape (n,).
+        local: Magnitude of the components' terms. Shape (n,).
         zero: Whether the components vanish relative to these terms. The largest error of the samples solved again then
             limits the errors of samples with smaller powers.
 
@@ -316,7 +317,7 @@ def amplification(name: str, trust: Trust) -> Scalar:
 
 
 def summand(name: str, unit: str, trust: Trust) -> Scalar:
-    """Return the size of a component's terms in rad, N or mechanism lengths."""
+    """Return the magnitude of a component's terms in rad, N or mechanism lengths."""
     if unit in ("rad", "m") or unit in RATIOS:
         return 1.0
     if unit in INERTIA:

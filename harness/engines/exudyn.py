@@ -1,8 +1,8 @@
 """The engine `exudyn`: bodies in absolute coordinates (Euler parameters), with every joint as a GenericJoint.
 
 It uses neither a spanning tree nor a cut. EXUDYN computes the mass matrix, gravity, loads, springs between points,
-constraints, and their derivative and multipliers. This module adds forces along joint coordinates through their virtual
-work.
+and constraints with their derivative and multipliers. This module adds forces along joint coordinates through their
+virtual work.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class ExudynSystem(kit.Stepped):
         return int(self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=number, localHT=frame)))
 
     def _join(self, joint: kit.Joint) -> tuple[int, list[int]]:
-        """Add a joint between frames with z along its last axis; return the object's index and the locked axes."""
+        """Add a joint between frames whose z is its last axis; return the object's index and the locked axes."""
         z, locked = joint.axes[-1], [int(on) for on in LOCKED[joint.kind]]
         y = joint.axes[0] if len(joint.axes) == 2 else np.linalg.svd(z[None])[2][1]  # parent's y stays orthogonal to z
         frame = np.stack([np.cross(y, z), y, z], axis=1)
@@ -129,7 +129,7 @@ class ExudynSystem(kit.Stepped):
         return kit.Placement(*kit.absolute_poses(parts), gaps, G)
 
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Return second derivatives of the gaps at constant rates, and body accelerations, zero since E(e') e' = 0."""
+        """Return second derivatives of the gaps at constant rates, and zero body accelerations, since E(e') e' = 0."""
         out = np.empty((len(x), len(self.kept)))
         for i, (at, v) in enumerate(zip(x, xd, strict=True)):
             h = 0.2 / max(float(np.abs(v).max()), 1e-9)
@@ -156,7 +156,7 @@ class ExudynSystem(kit.Stepped):
         self.mbs.systemData.SetODE2Coordinates_t(xd, exu.ConfigurationType.Initial)
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Make steps with EXUDYN's own integrator."""
+        """Take steps with EXUDYN's own integrator."""
         how, kind = self.settings.timeIntegration, getattr(exu.DynamicSolverType, self.integrator)
         how.startTime, how.endTime, how.numberOfSteps = t, t + n * h, n
         try:

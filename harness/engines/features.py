@@ -32,7 +32,7 @@ TASKS = {
 
 
 def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
-    """Find the features of a mechanism and its applied forces: feature -> its first owner."""
+    """Return feature -> first owner, for the features of a mechanism and its applied forces."""
     found: dict[str, str] = {}
     for joint in mechanism.joints:
         found.setdefault(joint.kind, f"joint {joint.name}")

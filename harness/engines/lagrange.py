@@ -96,7 +96,7 @@ class SolvedMotion:
 
     @cached_property
     def ydd(self) -> kit.Array:
-        """Second derivatives of the independent coordinates; undriven ones follow from forces. Shape (n, k)."""
+        """Second derivatives of the independent coordinates; forces determine undriven accelerations. Shape (n, k)."""
         ydd, idle = self.motion.ydd, [*self.motion.idle]
         if idle:
             given = ydd * ~np.isin(np.arange(ydd.shape[1]), idle)
@@ -165,7 +165,7 @@ class SolvedMotion:
 
     @cached_property
     def actuator_force(self) -> kit.Array:
-        """Actuator forces of minimum norm, or those that keep a joint's force along its line."""
+        """Actuator forces that have minimum norm, or that keep a joint's force along its line."""
         given = [i for i in range(self.K.shape[2]) if i not in self.motion.idle]
         A = self.K[:, self.mechanism.actuated_columns][..., given].swapaxes(1, 2)
         b = self.generalized_force[:, given]
@@ -185,13 +185,13 @@ class SolvedMotion:
         return times(np.asarray(np.linalg.pinv(A, rcond=1e-13), dtype=float), b)
 
     def driven(self, f: kit.Array) -> kit.Array:
-        """Scatter actuator forces among all coordinates. Shape (..., n_act) -> (n, n_q)."""
+        """Scatter actuator forces into an array over all coordinates. Shape (..., n_act) -> (n, n_q)."""
         out = np.zeros_like(self.q)
         out[:, self.mechanism.actuated_columns] = f
         return out
 
     def multipliers(self, needs: kit.Array, f: kit.Array) -> kit.Array:
-        """Return minimum-norm forces along the gaps that supply what actuators do not. Shape (n, m)."""
+        """Return minimum-norm multipliers of the gaps, which supply the remaining forces. Shape (n, m)."""
         return times(self.back.swapaxes(1, 2), needs - self.driven(f))
 
     def wrenches(self, needs: kit.Array, f: kit.Array, **state: kit.Array) -> kit.Array:

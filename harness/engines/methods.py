@@ -24,7 +24,7 @@ SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
 #: Order of the error estimate with which a method chooses its steps: an error of `tol` needs steps of tol^(1/order)
 #: times the time scale of the motion. For BDF, whose order varies, the lower order is used.
 ORDER = {"DOP853": 8, "Radau": 4, "BDF": 4}
-#: Longest duration of a fast phase of the motion, as a multiple of this time scale.
+#: Longest duration of a fast phase of the motion, as a multiple of the time scale of the motion.
 PHASES = 10.0
 #: More steps than this take most of an hour. The fastest phases of `cart-pole` predict 2e4 steps.
 ENDLESS = 1e6
@@ -44,7 +44,7 @@ class Pace:
         self.times: deque[float] = deque(maxlen=self.window)
 
     def endless(self, t: float) -> bool:
-        """Record the time [s] reached by a step; return True if steps like the last ones never reach the end."""
+        """Record the time [s] reached by a step; return True if steps this short would never reach the end."""
         self.times.append(t)
         return len(self.times) == self.window and (t - self.times[0]) * ENDLESS < (self.end - t) * self.window
 

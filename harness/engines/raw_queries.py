@@ -1,4 +1,5 @@
-"""Raw queries to a library about any model, in terms of the model's reading, without a problem or loop closure."""
+"""Query a library directly about any model, in the joints and bodies of its `Reading`; no `Problem` is needed, and
+loops are not closed."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ class JointStates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answers:
-    """A library's results, with forces along the reading's velocities.
+    """A library's results; forces are conjugate to the reading's velocities.
 
     Attributes:
         covers: Forces in `tau` other than inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.

@@ -58,14 +58,14 @@ class Engine:
         package: Distribution that must be installed.
         reads: File extension of its model file.
         cut: Generated model that it reads, ``minimal`` or ``full``; empty if it reads the description.
-        lacks: Quantity that it cannot compute -> reason. It must compute all other quantities.
+        lacks: Quantity that the engine cannot compute -> reason. The engine must compute all other quantities.
         most: Largest number of samples solved, see `problem.spread`; 0 for all. In engines of other packages, missing
             samples always count as missing.
         refuses: Unsupported item -> reason. An item is a task, or an entry of `features.FEATURES` such as a kind of
             joint; the engine gets no mechanism with such a feature.
         extra: Extra of Screwgauge that installs its package; empty if `package` itself is to be installed.
-        apart: Whether each problem is solved in its own process, where anything that a library prints, changes or
-            breaks affects only its own answer. Engines of other packages always run in this way.
+        apart: Whether each problem is solved in its own process, so that anything a library prints, changes or breaks
+            affects only that problem's answer. Engines of other packages always run in separate processes.
         precisions: Number types in which it can compute given motions, see `NUMBER_TYPES`. If a method name contains a
             type other than float64, as in ``mjx@float32``, the function receives it as the setting `precision`.
         precision: The requested number type.
@@ -251,7 +251,7 @@ def further_entries() -> Mapping[str, EntryPoint]:
 
 
 def engine_names() -> tuple[str, ...]:
-    """List the names of all engines, those of other packages last, without loading any engine."""
+    """List the names of all engines without loading any engine; engines of other packages come last."""
     return (*ENGINES, *further_entries())
 
 
@@ -351,7 +351,7 @@ def _check_description(engine: object) -> Engine:
     if engine.cut not in CUTS or not engine.tasks <= _ALL:
         raise ValueError("unknown cut or task")
     if not engine.precisions or not {*engine.precisions} <= {*NUMBER_TYPES}:
-        raise ValueError(f"precisions must be some of {', '.join(NUMBER_TYPES)}")
+        raise ValueError(f"precisions must be among {', '.join(NUMBER_TYPES)}")
     return engine
 
 

@@ -31,7 +31,7 @@ MOST = 64
 
 
 def operations(mechanism: Mechanism) -> float:
-    """Return the number of operations per sample of the forces: work at each joint, and solving the linear system."""
+    """Return the number of operations per sample for the forces: work at each joint, and solving the linear system."""
     n = len(mechanism.coordinates)
     return PER_COORDINATE * n + n**3 / 3
 
@@ -77,7 +77,7 @@ Sizes = tuple[Array, Mapping[str, tuple[Array, Array]]]
 
 
 def _part(work: Work, motion: GivenMotion, kind: NumberType) -> dict[str, Sizes]:
-    """Return the errors of some samples by quantity."""
+    """Return quantity -> errors at some samples."""
     closed = work.close(motion, work.predict(motion))
     with np.errstate(all="ignore"):  # near a singular pose the error is unknown
         values, trust, A = work.evaluate(closed, motion)

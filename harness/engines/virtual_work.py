@@ -17,7 +17,7 @@ import numpy as np
 import screwgauge.plugins as kit
 
 Pose = tuple[Any, Any]
-"""R and p of a frame in the world, of numbers of a trace and floats. Shapes (3, 3), (3,)."""
+"""R and p of a frame in world axes, with numbers of a trace and floats as entries. Shapes (3, 3), (3,)."""
 
 
 def outward_tree(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:

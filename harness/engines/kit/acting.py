@@ -105,7 +105,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[Array, Array]:
-    """Return wrenches on bodies and forces along joints, without gravity and rotors; neither part contains the other.
+    """Return wrenches on bodies and forces along joints, without gravity and rotors; no force is in both parts.
 
     Args:
         t: Times [s]. Shape (n,).

@@ -39,7 +39,7 @@ def temporary(owner: Any, **values: Any) -> Iterator[None]:
 
 
 def motion_values(wanted: Collection[str], closed: ClosedMotion, A: Array | None = None) -> dict[str, Array]:
-    """Return the requested velocities, or those of acceleration if accelerations A of the bodies are given."""
+    """Return the requested velocities or, if accelerations A of the bodies are given, the requested accelerations."""
     n, V = len(closed.x), closed.V
     known: dict[str, Callable[[], Array]] = {
         "joint_velocity": lambda: closed.qd,
@@ -57,7 +57,7 @@ def motion_values(wanted: Collection[str], closed: ClosedMotion, A: Array | None
 
 
 def force_values(closed: ClosedMotion, qdd: Array, Q: Array, f: Array, along: Array) -> dict[str, Array]:
-    """Return the quantities of forces except reactions.
+    """Return the force quantities except reactions.
 
     Args:
         Q, f: Generalised forces, and actuator forces. Shapes (n, k), (n, n_actuator).

@@ -28,8 +28,8 @@ Gaps = Callable[[Array], tuple[Array, Array]]
 """Joint coordinates (n, n_q) -> openings of loops and couplings, (n, m), and their derivative, (n, m, n_q)."""
 
 Solve = Callable[[Array, GivenMotion, Applied], tuple[dict[str, Array], dict[str, Array]]]
-"""Joint coordinates (n, n_q), motion and applied forces -> quantities, (n, m) each, and condition numbers (n,) of those
-that are solved from more than closed poses.
+"""Joint coordinates (n, n_q), motion and applied forces -> quantities, (n, m) each, and condition numbers (n,) for the
+quantities that are solved from more than closed poses.
 """
 
 # Angles are in rad and distances in mechanism lengths wherever these constants are used.
@@ -92,8 +92,8 @@ class Branch:
     def answered(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> SolvedPart:
         """Solve the next samples, with error estimates.
 
-        Estimates follow from the condition of the solved systems. Ill-conditioned samples are solved again with poses
-        perturbed by the size of rounding.
+        Estimates follow from the condition numbers of the solved systems. Ill-conditioned samples are solved again at
+        poses perturbed by about the rounding error.
 
         Raises:
             ClosureError: See `follow`.

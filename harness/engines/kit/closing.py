@@ -1,7 +1,7 @@
 """Closed poses, velocities and accelerations of a given motion, for engines with coordinates of their own.
 
 An engine supplies the body poses and the constraint residuals at its coordinates. Joint coordinates that a motion
-prescribes, or that couplings relate, become further unknowns, because body poses do not show their full turns.
+prescribes, or that couplings relate, become further unknowns, because body poses do not show full turns.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class ClosedMotion:
 
         Returns:
             Second derivatives of x, shape (n, n_x), and accelerations of the bodies, angular, then of their origins,
-            (n, n_body + 1, 6); see `JointReading.accelerations` for those of the joint coordinates.
+            (n, n_body + 1, 6); see `JointReading.accelerations` for the second derivatives of the joint coordinates.
         """
         s, tied = self.tracked, self.joints.accelerations(self.V, rest)
         coupled = bind_to(self.mechanism, s).bias(self.q[:, s], self.qd[:, s])
@@ -149,7 +149,7 @@ class ClosedMotion:
         return np.asarray((self.K.swapaxes(1, 2) @ need[..., None])[..., 0])
 
     def actuator_forces(self, need: Array, line: Array | None = None) -> tuple[Array, Array]:
-        """Solve for actuator forces that, with those of the constraints, supply given forces along x.
+        """Solve for actuator forces that, together with constraint forces, supply given forces along x.
 
         Args:
             need: Forces to be supplied: inertia minus all applied forces. Shape (n, n_x).
@@ -166,7 +166,7 @@ class ClosedMotion:
         return along_line(np.pad(self._drive, wide), self.A, np.pad(need, wide[1:]), across)
 
     def multipliers(self, need: Array, f: Array) -> tuple[Array, Array]:
-        """Return the multipliers of gaps, (n, m), and of couplings, (n, n_coupling), for the rest of the forces.
+        """Return the multipliers of gaps, (n, m), and couplings, (n, n_coupling), that supply the remaining forces.
 
         Args:
             need, f: See `actuator_forces`.
@@ -190,14 +190,14 @@ def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:
 class Closing:
     """Solver that closes an engine's loops with Newton's method along a motion starting in the home assembly mode.
 
-    Redundant constraints may be among the gaps.
+    The gaps may include redundant constraints.
     """
 
     def __init__(self, mechanism: Mechanism, place: Place, home: Array, units: Array, gap_units: Array) -> None:
         """Start at the home pose.
 
         Args:
-            home: Coordinates of the engine at the home pose, which nearly close the loops. Shape (n_x,).
+            home: Coordinates of the engine at the home pose; they nearly close the loops. Shape (n_x,).
             units: Unit of each entry of x: 1 for angles and dimensionless entries, a length for lengths.
                 Shape (n_x,).
             gap_units: Unit of each gap, as for `units`. Shape (m,).
@@ -227,7 +227,7 @@ class Closing:
         return np.concatenate([open_by, away], axis=1) / self.rows, A * self.size / self.rows[:, None]
 
     def _scatter(self, s: Array) -> Array:
-        """Scatter the unknown joint coordinates, NaN elsewhere. Shape (n, n_s) -> (n, n_q)."""
+        """Scatter the unknown joint coordinates, with NaN elsewhere. Shape (n, n_s) -> (n, n_q)."""
         near = np.full((len(s), len(self.mechanism.coordinates)), np.nan)
         near[:, self.tracked] = s
         return near

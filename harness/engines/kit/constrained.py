@@ -150,7 +150,7 @@ class _PartSolver:
     def _accelerate(
         self, closed: ClosedMotion, dynamics: tuple[Array, Array] | None, conditions: dict[str, Array]
     ) -> tuple[Array, Array]:
-        """Compute accelerations of x and of the bodies; forces determine those of undriven coordinates.
+        """Compute accelerations of x and of the bodies; forces determine the accelerations of undriven coordinates.
 
         Args:
             dynamics: See `Constrained.dynamics`; needed for undriven coordinates.

@@ -13,7 +13,7 @@ from screwgauge.reference.rotations import Array, cross, times
 
 
 class Matter(NamedTuple):
-    """Mass properties of the bodies without ground.
+    """Mass properties of the bodies, excluding ground.
 
     Attributes:
         masses: Masses [kg]. Shape (n_body,).
@@ -62,7 +62,7 @@ def summed_inwards(parents: Sequence[int], p: Array, wrenches: Array) -> Array:
         wrenches: Wrench required by each body: force, then moment about its origin. Shape (n, n_body + 1, 6).
 
     Returns:
-        Sums about the origin of each body, zero for ground. Shape (n, n_body + 1, 6).
+        Summed wrenches about the origin of each body, zero for ground. Shape (n, n_body + 1, 6).
     """
     out = np.array(wrenches)
 

@@ -1,4 +1,4 @@
-"""Conversion between joint coordinates and rates and the poses and motions of bodies."""
+"""Conversion of joint coordinates and their rates to body poses and motions, and back."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _columns(mechanism: Mechanism) -> Iterator[tuple[Joint, slice]]:
 
 
 def _at_origin(V: Array, added: Array) -> Array:
-    """Add to the linear part of twists. Shapes (n, b, 6), (n, b, 3)."""
+    """Add velocities to the linear part of twists. Shapes (n, b, 6), (n, b, 3)."""
     return np.concatenate([V[..., :3], V[..., 3:] + added], axis=-1)
 
 
@@ -154,8 +154,8 @@ def read_joints(mechanism: Mechanism, R: Array, p: Array, near: Array | None = N
 
     Args:
         R, p: Orientations and origins, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        near: Values to which the equivalent angles chosen are nearest. Where a value is NaN, the angle is within half
-            a turn. Shape (n, n_q).
+        near: Reference values: of all equivalent angles, the angles nearest to these values are chosen. Where a value
+            is NaN, the angle is within half a turn. Shape (n, n_q).
     """
     parts = list[Array]()
     for joint, columns in _columns(mechanism):

@@ -17,7 +17,7 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
     Args:
         B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
         Q: Generalised forces. Shape (n, k).
-        idle: Coordinates that no actuator drives and whose equations already hold.
+        idle: Coordinates that no actuator drives and whose equations are already satisfied.
 
     Returns:
         Actuator forces, shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
@@ -55,7 +55,7 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
 
 
 def along_line(drive: Array, G: Array, need: Array, line: Array, right: Array | float = 0.0) -> tuple[Array, Array]:
-    """Solve for actuator forces that keep a joint's force along its line (eq. 56), together with multipliers.
+    """Solve for multipliers and for actuator forces that keep a joint's force along its line (eq. 56).
 
     Args:
         drive: Rates of the actuated coordinates per rate of the engine's coordinates. Shape (n, n_actuator, n_x).

@@ -65,7 +65,7 @@ def _check_arrays(method: str, arrays: Mapping[str, tuple[ArrayLike, tuple[int, 
         if np.shape(array) != shape:
             raise ValueError(f"{method}{name} must have shape {shape}, got {np.shape(array)}")
         if not np.isfinite(np.asarray(array, dtype=float)).all():
-            raise ValueError(f"{method}{name} must be finite at home")
+            raise ValueError(f"{method}{name} must be finite at the home pose")
 
 
 def _check_rows(rows: Sequence[Sequence[int]], mechanism: Mechanism, m: int) -> None:
@@ -134,7 +134,7 @@ def _gap_names(engine: Constrained) -> list[str]:
 def _check_same(
     method: str, found: Array, right: Array, what: str, names: Sequence[str], of: str = "body '{}'"
 ) -> None:
-    """Reject values that differ from the expected ones; both have one row per name."""
+    """Reject values that differ from the expected values; both arrays have one row per name."""
     away = np.abs(found - right).reshape(len(names), -1).max(axis=1, initial=0.0)
     size, most = max(np.abs(some).max(initial=LEAST) for some in (found, right)), away.max(initial=0.0)
     if most > OFF * size:

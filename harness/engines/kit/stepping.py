@@ -29,7 +29,7 @@ class Stepped(Constrained, Protocol):
         """Set the initial state. Shape (n_x,) each."""
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Make n steps of size h from time t; return x and its rates as arrays that later steps do not modify.
+        """Take n steps of size h from time t; return x and its rates as arrays that later steps do not modify.
 
         Raises:
             ScrewgaugeError: The integration cannot continue.

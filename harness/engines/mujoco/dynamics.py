@@ -118,7 +118,7 @@ class MujocoSettings:
     Attributes:
         solimp: Impedance d of the equality constraints, independent of the closure residual; at most 0.9999.
         solref: Time constant [s] of the constraint springs, optionally with the damping ratio.
-        passes: Number of proximal refinements on given states; upper limit in a step.
+        passes: Number of proximal refinements for given states; in a step, the upper limit.
         naive: Use the forces of `mj_inverse` along actuated joints, with equality constraints on, as actuator forces.
         weld: Close loops with welds of the frames of cut joints, aligned at each given state.
         examine: Examine the conditioning of given states.
@@ -194,7 +194,7 @@ class MujocoSettings:
 def sprung_model(
     mjcf: Path, applied: Applied, resist: Sequence[Resistance], tree: MujocoTree
 ) -> tuple[mujoco.MjModel, Applied, list[Resistance]]:
-    """Move springs and dampers into a model, as exact equivalents that implicit integrators include.
+    """Move springs and dampers into a model as exactly equivalent elements, which implicit integrators include.
 
     Returns:
         The model, and the forces and resistances left to apply in every step.
@@ -259,7 +259,7 @@ class MujocoStepper:
         """Prepare the steps.
 
         Args:
-            applied: All applied forces; constant ones are set once.
+            applied: All applied forces; constant forces are set once.
             held: Forces to apply at each step.
         """
         self.model, self.held = model, held

@@ -95,11 +95,12 @@ def refine(
     Args:
         a: Accelerations, refined in place. Shape (n_v,).
         passes: Largest number of passes.
-        same: Fraction of the largest acceleration below which a change ends the passes; with 0, `passes` are made.
+        same: The passes end once the change is below this fraction of the largest acceleration; with 0, all `passes`
+            are made.
         total: Constraint forces, to which the constraint forces of the passes are added. Shape (n_row,).
 
     Returns:
-        The number of passes, and the largest change in the last one.
+        The number of passes, and the largest change in the last pass.
     """
     change = 0.0
     for made in range(1, passes + 1):

@@ -1,4 +1,4 @@
-"""Raw queries to MuJoCo about any model at given states, without constraints and contacts."""
+"""Query MuJoCo directly about any model at given states, without constraints and contacts."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _closing(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ..
     _inverse(model, data, (q, v, a))
     own = data.efc_type == _EQUALITY
     J = data.efc_J.reshape(data.nefc, model.nv)[own]
-    # what the axes of a free joint's velocities gain by turning is of the velocities
+    # accelerations due to the turning of a free joint's velocity axes belong to the velocity terms
     return J @ B, (rest - data.efc_aref)[own] + J @ (a - B @ qdd)
 
 
@@ -126,7 +126,7 @@ def _sample(model: Any, data: Any, bodies: list[int], state: tuple[Array, ...]) 
     q, v, a, B, qdd = state
     zero, M = np.zeros(model.nv), np.empty((model.nv, model.nv))
     gravity = _inverse(model, data, (q, zero, zero)) - _passive(data)
-    # what the axes of a free joint's velocities gain by turning is of the velocities
+    # accelerations due to the turning of a free joint's velocity axes belong to the velocity terms
     bias = _inverse(model, data, (q, v, a - B @ qdd)) - _passive(data)
     tau = _inverse(model, data, (q, v, a))
     for unit, column in zip(np.eye(model.nv), M, strict=True):  # `mj_fullM` takes other arguments since 4.0

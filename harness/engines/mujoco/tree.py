@@ -95,7 +95,7 @@ class MujocoTree(OpenTree):
             remedy = more if small else "correct the MJCF"
             raise ModelFileError(f"MuJoCo cannot load the file ({error})", str(mjcf), remedy) from None
         thin = (self.model.body_mass > LEAST) & (self.model.body_inertia.min(axis=1) <= LEAST)
-        self.thin = tuple(self.model.body(b).name for b in np.flatnonzero(thin))  # their moments stand in for zero
+        self.thin = tuple(self.model.body(b).name for b in np.flatnonzero(thin))  # their inertias replace zeros
         prepare(self.model)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
@@ -132,7 +132,7 @@ class MujocoTree(OpenTree):
         self.model.opt.gravity[:] = self.gravity if gravity is None else gravity
 
     def _check_motors(self, file: LoopsFile) -> None:
-        """Reject motors of the file that differ from the description's."""
+        """Reject motors of the file that differ from the motors of the description."""
         wanted = {joint.coordinates[0] for joint in file.joints if joint.actuated}
         joint = int(mujoco.mjtTrn.mjTRN_JOINT)
         for k in range(self.model.nu if wanted <= set(self.coordinates) else 0):  # see `check_names`
@@ -157,7 +157,7 @@ class MujocoTree(OpenTree):
                 continue
             where = f"MJCF of {file.mechanism}, equality constraint {e}"
             if self.model.eq_type[e] not in _CLOSING:
-                what = "is of an unsupported kind, or not between bodies, joints or fixed tendons, and removes freedoms"
+                what = "removes freedoms, but is of an unsupported kind or not between bodies, joints or fixed tendons"
                 raise ModelFileError(what, where, 'use connect, weld or a joint equality, or set active="false"')
             if self.model.eq_objtype[e] != _SITE:
                 raise ModelFileError("does not join two sites", where, "use site1, site2")
@@ -170,10 +170,10 @@ class MujocoTree(OpenTree):
         return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
-        """Read couplings from the equalities of the file, each solved for its coordinate in the loops file.
+        """Read couplings from the file's equalities, and solve each equality for the coordinate in the loops file.
 
         Raises:
-            ModelFileError: A coupling of the loops file cannot be expressed as an equality, and the file lacks it.
+            ModelFileError: The file lacks a coupling of the loops file, because no equality can express this coupling.
         """
         where = f"MJCF of {file.mechanism}"
         readings = {self.model.equality(i).name: coupling_reading(self.model, i) for i in range(self.model.neq)}
@@ -199,7 +199,7 @@ class MujocoTree(OpenTree):
         return (self.model.body(body).name if body else "") or "ground"
 
     def _ancestors(self, body: int) -> list[int]:
-        """Return a body and its ancestors, without the world."""
+        """Return a body and its ancestors, excluding the world body."""
         return [body, *self._ancestors(int(self.model.body_parentid[body]))] if body else []
 
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
@@ -221,7 +221,7 @@ class MujocoTree(OpenTree):
         model.opt.disableflags |= DISABLED
 
     def poses(self, q: Array) -> BodyPoses:
-        n, model, data, bodies = len(q), self.model, self.data, [0, *self.ids]  # the first is the world
+        n, model, data, bodies = len(q), self.model, self.data, [0, *self.ids]  # the first is the world body
         qpos, placed, rows = data.qpos, self.placed.block, self.placed.rows(n)
         for x, row in zip(q, rows, strict=True):
             qpos[:] = x
@@ -297,7 +297,7 @@ class MujocoTree(OpenTree):
     def _soft_tolerance(self, rows: list[tuple[Array, ...]], residuals: Array) -> float:
         """Return the largest joint force due to constraint forces ``D (k r + b rdot + rddot)``.
 
-        Residuals r and their derivatives have the measured size.
+        Residuals r and their derivatives have the measured magnitudes.
 
         Args:
             rows: K, B, impedance and power of each sample's constraints, with D and their Jacobian.

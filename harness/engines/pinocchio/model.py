@@ -95,7 +95,7 @@ class PinocchioMover:
         return a
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
-        """Return accelerations, the larger residual of loops and couplings, and the largest acceleration, at least 1.
+        """Return accelerations, the largest residual of loops or couplings, and the largest acceleration, at least 1.
 
         The residual of loops is mu times the last change of the multipliers.
         """
@@ -111,9 +111,9 @@ class PinocchioSettings:
     """Settings of accelerations.
 
     Attributes:
-        mu, iterations: Parameters of `constraintDynamics` on given states; None for Pinocchio's defaults.
-        gains: Baumgarte gains of position and velocity, on given states.
-        frames: Close loops with whole frames, on given states.
+        mu, iterations: Parameters of `constraintDynamics` for given states; None for Pinocchio's defaults.
+        gains: Baumgarte gains of position and velocity for given states.
+        frames: Close loops with 6D contacts of whole frames for given states.
         examine: Examine the conditioning of given states, and the error that Pinocchio reports.
         integrator, dt: One of `INTEGRATORS` with its step [s]; the state is projected onto the loops after every step.
             `dt` is None for scipy's methods.
@@ -133,7 +133,7 @@ class PinocchioSettings:
             raise DescriptionError(f"step {self.dt:g} s", "stepper of pinocchio", "use a positive number")
 
     def proximal(self) -> Any:
-        """Return Pinocchio's own settings; zero accuracies force all iterations."""
+        """Return the settings as Pinocchio's settings object; zero accuracies force all iterations."""
         if self.mu is None or self.iterations is None:
             return pin.ProximalSettings()
         return pin.ProximalSettings(0.0, 0.0, self.mu, self.iterations)

@@ -1,4 +1,4 @@
-"""Raw queries to Pinocchio about any model at given states."""
+"""Query Pinocchio directly about any model at given states."""
 
 from __future__ import annotations
 

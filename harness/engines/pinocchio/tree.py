@@ -136,7 +136,7 @@ class PinocchioTree(OpenTree):
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
 
     def mass_matrix(self, q: Array) -> Array:
-        upper = np.array([np.triu(pin.crba(self.model, self.data, x)) for x in q])  # older versions fill the upper one
+        upper = np.array([np.triu(pin.crba(self.model, self.data, x)) for x in q])  # old versions fill only this part
         return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
@@ -163,7 +163,7 @@ class _Views:
     """Array views of the memory in `data` that Pinocchio's functions overwrite; copy each sample at once.
 
     Attributes:
-        joints: Rotation by columns, then translation, of each joint. Shape (n_joint, 12).
+        joints: Rotation column by column, then translation, of each joint. Shape (n_joint, 12).
         velocities, accelerations, forces: Joint quantities in the joints' own frames. Shape (n_joint, 6).
         pushed, external: External forces on the joints as Pinocchio's vector, and an array view of it, (n_joint, 6).
         twists, turning: Jacobian at the world origin, and its time derivative. Shape (6, n_v).
@@ -184,7 +184,7 @@ def _rows(parts: list[Array], size: int) -> Array:
     begin = np.array([part.__array_interface__["data"][0] for part in parts])
     step = int(begin[-1] - begin[0]) // max(1, len(parts) - 1)
     if (np.diff(begin) != step).any() or 0 < step < 8 * size:
-        what = "its data have a memory layout that arrays cannot view"
+        what = "cannot view its data as NumPy arrays: unexpected memory layout"
         raise LoaderError(what, f"pinocchio {pin.__version__}", "install another version")
     return np.lib.stride_tricks.as_strided(parts[0], (len(parts), size), (step, 8))
 
@@ -267,7 +267,8 @@ class Constraints:
         return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))
 
     def jacobian(self, data: Any, q: Array) -> Array:
-        """Return the gaps' derivative at the pose of `data`: second minus first side's velocity, then couplings.
+        """Return the gaps' derivative at the pose of `data`: rows of closures (second minus first side), then
+        couplings.
 
         Updates `datas` to this pose.
         """

@@ -1,4 +1,4 @@
-"""Arrays that a compiled solver reads and fills, with layouts checked once and samples at every call."""
+"""Arrays that a compiled solver reads and fills; layouts are checked once, and samples at every call."""
 
 from __future__ import annotations
 

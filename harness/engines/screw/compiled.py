@@ -35,9 +35,9 @@ class CompiledSolution:
     Attributes:
         values: Quantity -> array of shape (n, n_component).
         by_array: Reason -> number of samples that the array solver answered.
-        estimate: Quantity -> estimated error at each sample for each unit, in the order in which the quantity's
-            components first have these units, shape (n, n_unit); empty if not requested. A call that reuses the buffers
-            overwrites the estimates.
+        estimate: Quantity -> estimated error at each sample for each unit, shape (n, n_unit), with units in the order
+            in which they first occur among the quantity's components; empty if not requested. A call that reuses the
+            buffers overwrites the estimates.
     """
 
     values: Mapping[str, Array]
@@ -51,7 +51,8 @@ class CompiledSolution:
 class Solver:
     """Inverse dynamics of a mechanism under the gravity and loads of a scene.
 
-    Threads may share a solver if each has its own buffers, or none. A pickled or copied solver is compiled again.
+    Threads may share a solver if each thread has its own buffers, or uses none. A pickled or copied solver is compiled
+    again.
 
     Attributes:
         quantities: Quantities that it computes.
@@ -89,7 +90,7 @@ class Solver:
             return self.works[mode]
 
     def as_c(self) -> str:
-        """Write the program as C for reading; empty if there is none."""
+        """Return the program as readable C code; empty if there is no program."""
         return "" if self.first.traced is None else self.first.traced.program.as_c()
 
     def buffers(self, n: int, arrays: Mapping[str, Array] | None = None) -> Buffers:
@@ -97,7 +98,7 @@ class Solver:
 
         Args:
             arrays: Quantity -> your own array to fill: plain float64, writeable, without shared memory.
-                Arrays with contiguous components are filled fastest; all arrays allocated here have them.
+                Arrays with contiguous components are filled fastest; all arrays allocated here have this layout.
 
         Raises:
             ScrewgaugeError: An array is invalid, or the solver does not compute one of the quantities.

@@ -36,7 +36,7 @@ MISSED, TIMES = 8, 3
 
 
 class TracedForward:
-    """Evaluator of the derivatives of states (y, yd, work) by a program; each pose is predicted from the previous one.
+    """Evaluator that differentiates states (y, yd, work) with a program; each pose is predicted from the previous one.
 
     Attributes:
         pose: Closed pose from which the next pose is predicted, see `Forward.program`. Shape (d + d k + k, width).
@@ -81,7 +81,7 @@ class TracedForward:
         self.setup += clock.cost().cpu_s
 
     def recall(self, q: Array, K: Array) -> None:
-        """Predict from a closed pose and its velocity map from now on. Shapes (n_q,), (n_q, k)."""
+        """From now on, predict from a closed pose and its velocity map. Shapes (n_q,), (n_q, k)."""
         self.pose[:] = np.concatenate([q[self.dependent], K[self.dependent].ravel(), q[self.columns]])[:, None]
 
     def _coordinates(self, q: Array) -> Array:
@@ -94,8 +94,10 @@ class TracedForward:
         branch.put(self._coordinates(branch.q.copy()))
 
     def learn(self, q: Array, K: Array, condition: float) -> None:
-        """Continue from a pose that the program could not answer; well-conditioned poses that it closed may add pivots.
-        An infinite `condition` marks a pose that it did not close.
+        """Continue from a pose that the program could not answer.
+
+        Well-conditioned poses that the program closed may add pivots; an infinite `condition` marks a pose that the
+        program did not close.
         """
         self.by_array += 1
         if condition < self.near / MARGIN**2:
@@ -146,7 +148,7 @@ class TracedForward:
         return False
 
     def closed(self, y: Array) -> Array | None:
-        """Return joint coordinates of the closed pose, except cut joints; None if in doubt. (n_q,)."""
+        """Return the closed pose's joint coordinates, except those of cut joints; None if in doubt. (n_q,)."""
         k, before = len(self.columns), self.pose.copy()
         self.state[:k], self.state[k:] = y[:, None], 0.0
         fine = self._evaluate()

@@ -41,7 +41,7 @@ class Trajectory:
         work: Work of actuators, motors, loads and dampers since the start [J]. Shape (n,).
         cost: Cost of the steps, without the output at the requested times.
         stepped_over: Steps whose size was changed because they met a nearly singular pose.
-        stopped: Why the motion ended early, empty if it did not.
+        stopped: Why the motion ended early; empty if it reached the end.
     """
 
     t: Array
@@ -61,7 +61,7 @@ class _Near(Exception):
         self.lay, self.q, self.condition = lay, q, condition
 
     def __str__(self) -> str:
-        """Build the text only when read: most such poses are stepped over."""
+        """Build the message only on demand: most such poses are stepped over."""
         mechanism = self.lay.mechanism
         where = mechanism.described(self.q[mechanism.independent_columns])
         why = near_singularity(self.lay, self.q[None])
@@ -130,7 +130,7 @@ class _Run:
         return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
-        """Differentiate `slope` by finite differences; the derivative by the work is zero. Shape (2 k + 1, 2 k + 1)."""
+        """Differentiate `slope` by finite differences, with zeros for the work. Shape (2 k + 1, 2 k + 1)."""
         m = len(state) - 1
         size = DIFFERENCE * np.maximum(np.abs(state[:m]), 1.0)
         around = np.column_stack([state, state[:, None] + np.vstack([np.diag(size), np.zeros(m)])])
@@ -254,7 +254,7 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
 
 
 def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
-    """Return the times and the initial state; reject invalid ones."""
+    """Return the times and the initial state; reject invalid values."""
     where, times, settings = lay.mechanism.name, task.grid, task.integration
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all() or not np.isfinite(times).all():
         raise DescriptionError("times must increase", where, "use at least two finite times in increasing order")

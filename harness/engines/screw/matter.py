@@ -2,7 +2,7 @@
 
 Moments are mass, mass times centre of mass, and second moments about the body's origin. If a load acts at the centre
 of mass, forces are also linear in the position of that centre. These variables are called features. A program
-evaluates the machine and one neighbouring machine per feature, which determines a matrix; every variant then takes
+evaluates the machine and one neighbouring machine per feature, which determines a matrix; every variant then requires
 only a matrix product.
 """
 
@@ -130,7 +130,7 @@ class Matter:
         return np.asarray((moments_hold & triangle_holds & some).all(axis=1))
 
     def fill(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> None:
-        """Fill in the values of variants; `p` has shape (P, V), `into` (n, m, V) each."""
+        """Fill in the values of variants; `p` has shape (P, V), each array in `into` shape (n, m, V)."""
         change = self.features(self.numbers(p)) - self.features(self.base[None])
         ends = np.cumsum([0, *(array.shape[1] for array in into)])
         for rows, base, matrix in self.parts(poses):
@@ -139,7 +139,7 @@ class Matter:
                 array[rows] = values[:, first:end]
 
     def features(self, numbers: Array) -> Array:
-        """Return the features in which forces are linear: moments, resistances, and centres of mass with loads.
+        """Return the features in which forces are linear: moments, resistances, and centres of mass where loads act.
 
         Shape (V, E) -> (V, n_feature).
         """
@@ -169,7 +169,7 @@ class Matter:
         return base
 
     def parts(self, poses: NominalPoses) -> Any:
-        """Yield samples, base values, and derivatives by the features. Shapes (n, m), (n, m, n_feature)."""
+        """Yield samples, base values, and derivatives with respect to features. Shapes (n, m), (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
             return

@@ -47,7 +47,7 @@ class ScrewModel:
     Attributes:
         backend: Solver of given motions and simulations: ``array``, or a traced program run by ``numpy`` or ``llvm``.
             In simulations ``numpy`` runs the program in Python. The default is ``llvm`` for simulations, ``numpy`` for
-            given motions of at least `LONG` samples, and ``array`` for shorter ones.
+            given motions of at least `LONG` samples, and ``array`` for shorter motions.
         precision: Number type of the program; float32 excludes the backend ``array`` and solves only given motions.
     """
 

@@ -1,4 +1,4 @@
-"""The nominal machine of variants: closed poses, and derivatives of these poses with respect to parameters."""
+"""The nominal machine that variants are based on: closed poses, and their derivatives with respect to parameters."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class NominalMachine:
             if rows.any():
                 first = int(np.argmax(rows))
                 where = f"row {first} ({self.scene.mechanism.described(motion.y[first])})"
-                raise ClosureError(what, where, "use samples nearer to home, or pass t")
+                raise ClosureError(what, where, "use samples nearer to the home pose, or pass t")
         return mode.close(guess)
 
 
@@ -141,7 +141,7 @@ def stack_inputs(symbols: Symbols, poses: NominalPoses, numbers: Array) -> Array
 
 
 class Slopes:
-    """Derivatives of closed poses by parameters, ``dq/dp = -M^-1 dr/dp``, and residuals that no joint motion closes."""
+    """Pose derivatives ``dq/dp = -M^-1 dr/dp`` for parameters p, and residuals that no joint motion closes."""
 
     def __init__(self, machine: NominalMachine, known: Mapping[str, float]) -> None:
         self.machine, self.names, self.nominal = machine, [*known], np.array([*known.values()])
@@ -150,7 +150,7 @@ class Slopes:
         self._rows: Any = None
 
     def of(self, poses: NominalPoses) -> tuple[Array, Array]:
-        """Return derivatives by parameters of the dependent coordinates, and of the residuals that remain open.
+        """Return derivatives of the dependent coordinates, and of the remaining residuals, with respect to parameters.
 
         Returns:
             Shapes (n, c, P), (n, m, P); the residuals are dimensionless.
@@ -197,7 +197,7 @@ class Slopes:
 
 
 def echelon(rows: Array) -> Array:
-    """Return the reduced echelon form of independent rows: each has a one where the others have zeros. Shape (m, n)."""
+    """Return the reduced echelon form of independent rows: each has a 1 where all other rows have 0. Shape (m, n)."""
     out, free = rows.copy(), [*range(len(rows))]
     while free:
         i, column = max(((i, int(np.argmax(np.abs(out[i])))) for i in free), key=lambda at: abs(out[at]))

@@ -43,7 +43,7 @@ SAFETY, CONDITION = 2.0, 4.0
 #: Closure residual of one row above which Newton's method has not converged, in eps; relative residual allowed in the
 #: balance of all bodies.
 ARRIVED, BALANCED = 32, 1e-9
-#: Limit of the largest Newton correction times the gain; below it, Newton's method stays on its assembly mode.
+#: Limit of the largest Newton correction times the gain; below it, Newton's method stays in its assembly mode.
 NEAR = 0.2
 
 
@@ -125,7 +125,7 @@ class Bounds:
         return np.array([1.0 / (free * limits.get(name, np.inf)) for name in CHECKS])
 
     def near(self, out: Numbers) -> NDArray[np.bool_]:
-        """Flag samples at which Newton's method stayed on its assembly mode. Shape (n,)."""
+        """Flag samples at which Newton's method stayed in its assembly mode. Shape (n,)."""
         return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
 
     def left(self, out: Numbers, trust: Trust, values: Mapping[str, Array], counts: Counter[str]) -> Rows:
@@ -197,8 +197,8 @@ class Bound:
     Attributes:
         values: Arrays that the program fills, kept alive so that no other arrays take their addresses.
         inputs: Arrays that the program reads. Shape (n, m) each.
-        unseen: All inputs as one array, if a NaN among them may leave no residual, as in loads or in y of an open tree.
-            Shape (n, m).
+        unseen: All inputs as one array, if a NaN in an input may not show in a residual, as in loads or in y of an open
+            tree. Shape (n, m).
         run: Fills the values; returns whether all are finite and no sample is in doubt.
     """
 
@@ -312,7 +312,7 @@ def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tup
 
 
 def undriven_columns(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the independent coordinates that no actuator drives: idle coordinates, and given ones that must rest."""
+    """Return the independent coordinates that no actuator drives: idle coordinates, and given coordinates at rest."""
     if not isinstance(problem.task, GivenMotion) or not lay.mechanism.actuator_names:
         return (), ()
     idle, k = problem.task.idle, len(lay.mechanism.independent)

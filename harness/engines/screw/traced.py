@@ -223,7 +223,7 @@ class TracedWork:
         if not self.guessed:
             return None
         guess, lost, twice = self.work.mode.reach(motion.y)
-        for rows, what, remedy in ((lost, LOST, "use samples nearer to home"), (twice, TWICE, "pass t")):
+        for rows, what, remedy in ((lost, LOST, "use samples nearer to the home pose"), (twice, TWICE, "pass t")):
             if rows.any():
                 first, count = int(np.argmax(rows)), int(np.count_nonzero(rows))
                 others = f" and {count - 1} more rows" if count > 1 else ""

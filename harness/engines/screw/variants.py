@@ -81,7 +81,7 @@ class _Worst:
 
     @property
     def contracts(self) -> NDArray[np.bool_]:
-        """True where each Newton step is much smaller than the last, so the pose stays on its assembly mode."""
+        """True where each Newton step is much smaller than the last, so the pose stays in its assembly mode."""
         return self.ratio <= QUARTER**2
 
     @property
@@ -109,7 +109,7 @@ class Variants:
 
     Attributes:
         names, nominal: Full names of the parameters, and their values in the scene. Shape (P,).
-        quantities, components: Quantities that it computes, and the components of each.
+        quantities, components: Quantities that it computes, and the components of each quantity.
     """
 
     def __init__(self, scene: Scene, quantities: Iterable[str], parameters: Sequence[str], backend: str) -> None:
@@ -143,7 +143,7 @@ class Variants:
 
     @cached_property
     def can_change_together(self) -> list[dict[str, float]]:
-        """Combinations that preserve mobility, each with a parameter not in the others, see `Slopes.combinations`."""
+        """Combinations that preserve mobility; each has a parameter that the others lack, see `Slopes.combinations`."""
         return self._slopes.combinations()
 
     def __call__(
@@ -181,7 +181,7 @@ class Variants:
         """Compute statistics over the samples of each variant, without storing the samples.
 
         Args:
-            which: Names of `STATISTICS`. All other arguments are those of `__call__`.
+            which: Names of `STATISTICS`. For all other arguments, see `__call__`.
 
         Returns:
             Statistic -> quantity -> values of shape (V, n_component).
@@ -200,7 +200,8 @@ class Variants:
         return {one: VariantSolution(values, why) for one, values in found.items()}
 
     def gradient(self, weights: Mapping[str, Array], y: Array, yd: Array, ydd: Array, t: Array | None = None) -> Array:
-        """Differentiate a weighted sum of quantities by all parameters, at each sample of the nominal machine.
+        """Differentiate a weighted sum of quantities with respect to all parameters, at each sample of the nominal
+        machine.
 
         To differentiate the peak of a component, set its weight to the sign of the component at the sample of the peak,
         and to 0 elsewhere. For the root mean square, set the weight to ``f / (n rms)``. Then sum the result over the
@@ -218,7 +219,7 @@ class Variants:
         return self._pulled(poses, np.concatenate(parts, axis=1))
 
     def jacobian(self, quantity: str, y: Array, yd: Array, ydd: Array, t: Array | None = None) -> Array:
-        """Return derivatives of all components of a quantity by all parameters. Shape (n, n_component, P)."""
+        """Return derivatives of a quantity's components with respect to all parameters. Shape (n, n_component, P)."""
         poses = self._machine.at(y, yd, ydd, t)
         check_choice("quantity", [quantity], self.quantities, "jacobian")
         first = sum(len(self.components[name]) for name in self.quantities[: self.quantities.index(quantity)])
@@ -233,7 +234,7 @@ class Variants:
         counts = {len(x) for x in given.values() if x.ndim == 1} or {1}
         if len(counts) > 1 or any(x.ndim > 1 for x in given.values()):
             shapes = ", ".join(f"{name} {x.shape}" for name, x in given.items())
-            raise DescriptionError(f"shapes differ: {shapes}", "parameters", "pass one value or V values of each")
+            raise DescriptionError(f"shapes differ: {shapes}", "parameters", "pass one value or V values per parameter")
         p = np.repeat(self.nominal[:, None], counts.pop(), axis=1)
         for pattern, x in given.items():
             check_finite(np.atleast_1d(x)[:, None], f"parameters, {pattern}")
@@ -247,7 +248,7 @@ class Variants:
         return (slice(i, min(i + lanes, count)) for i in range(0, count, lanes))
 
     def _fill(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
-        """Fill in the values of some variants, and reasons for missing ones; `into` has shape (n, m, V) each."""
+        """Fill in values of some variants, and reasons for missing values; each array in `into` has shape (n, m, V)."""
         why[~self._matter.possible(p)] = IMPOSSIBLE
         if all(map(inertial, self.names)):
             self._matter.fill(poses, p, into)
@@ -315,7 +316,7 @@ class Variants:
         return ""
 
     def _program(self, steps: int) -> tuple[Symbols, Any]:
-        """Return equations with a number of Newton steps, and their program: quantities, checks, coordinates."""
+        """Return equations with the given Newton steps, and their program: quantities, checks, coordinates."""
         if steps not in self._programs:
             symbols = self._machine.symbols(self._known, steps)
             outputs = [*self._machine.outputs(symbols), *symbols.checks(), *symbols.reached]
@@ -327,7 +328,7 @@ class Variants:
         return Slopes(self._machine, self._known)
 
     def _slopes_at(self, poses: NominalPoses) -> Array:
-        """Return derivatives of the dependent coordinates by parameters, cached for the next call. (n, c, P)."""
+        """Return parameter derivatives of the dependent coordinates, cached for the next call. (n, c, P)."""
         if self._at[0] is not poses:
             self._at = poses, self._slopes.of(poses)[0]
         return self._at[1]

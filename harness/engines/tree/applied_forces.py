@@ -64,7 +64,7 @@ def applied_wrenches(
 
 
 def _drive(closed: ClosedTree, joint: Joint, at: BodyPoses, q: Array, tau: Array, out: Array) -> None:
-    """Add the wrenches on a joint's two bodies of forces along its coordinates; they do no work on other motions."""
+    """Add the wrenches that forces along a joint's coordinates exert on its bodies, without work on other motions."""
     parent, child = closed.loops.sides(joint)
     frames = closed.joint_pose(joint, at)
     values = joint_values(joint.freedoms, range(q.shape[1]), coordinates(q, NUMPY))
@@ -76,7 +76,7 @@ def _drive(closed: ClosedTree, joint: Joint, at: BodyPoses, q: Array, tau: Array
 
 
 Reader = Callable[[Array, BodyAt], tuple[float, Array]]
-"""Reads a joint coordinate at q, and its derivative by the tree's coordinates (n_v,)."""
+"""Reads a joint coordinate at q, and its derivative with respect to the tree's coordinates, (n_v,)."""
 
 
 class TreeForces:

@@ -238,7 +238,7 @@ class ClosedTree:
 
     @cached_property
     def length(self) -> float:
-        """Largest distance between joint points and centres of mass at home [m]; it makes lengths dimensionless."""
+        """Largest distance between joint points and centres of mass in the home pose [m]; the unit of lengths."""
         at, loops = self.tree.poses(self.home[None]), self.loops
         sides = [(loops.index[body], frame.p) for joint in self.file.joints for body, frame in joint.sides]
         places = [*sides, *enumerate(self.tree.com, 1)]
@@ -256,7 +256,7 @@ class ClosedTree:
 
     @cached_property
     def row_units(self) -> Array:
-        """Unit of each closing row, those of y last. Shape (m + k,)."""
+        """Unit of each closing row, with the rows of y last. Shape (m + k,)."""
         anchors = [1.0 if anchor.angular else self.length for anchor in self.loops.anchors for _ in range(3)]
         return np.array([*anchors, *self.units[self.loops.couplings.columns], *self.y_units])
 

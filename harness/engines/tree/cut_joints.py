@@ -42,7 +42,7 @@ class Chart:
 
     @property
     def condition(self) -> Array:
-        """Condition number of the coordinate rates: that of the joint's axes, divided by 3; 1 at best. Shape (n,)."""
+        """Condition number of the coordinate rates: a third of the axes' condition number; 1 at best. Shape (n,)."""
         return angle_condition(self.q)
 
     @property

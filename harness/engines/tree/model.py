@@ -105,7 +105,7 @@ class TreeModel:
                 heavy.add(body)
                 body = above[body]
         if light := [body for body in tree.bodies if body not in heavy]:
-            what = f"body '{light[0]}' and all that it carries in the open tree have no mass; {tree.engine} needs it"
+            what = f"body '{light[0]}' and all that it carries in the open tree have no mass, which {tree.engine} needs"
             raise ModelFileError(what, self._where, "use screw, or add mass")
 
 
@@ -113,8 +113,9 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
     """Solve for accelerations or forces in given states of the tree.
 
     Args:
-        task: States with forces `tau` or accelerations `a`. Forces yield accelerations. Accelerations yield those of
-            ``tree_force``, ``tree_force_soft`` and minimum-norm ``actuator_force`` that are requested.
+        task: States with forces `tau` or accelerations `a`. From forces, accelerations are computed. From
+            accelerations, the requested quantities are computed, which may be ``tree_force``, ``tree_force_soft`` and
+            minimum-norm ``actuator_force``.
 
     Raises:
         ModelFileError: The coordinates differ from the tree's, or the task lacks exactly one of `a` and `tau`.

@@ -1,4 +1,4 @@
-"""Simple integration steps with an open-tree engine's accelerations, each projected onto the closed loops."""
+"""Simple integration steps with an open-tree engine's accelerations; each new state is projected onto the loops."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from screwgauge.reference.rotations import Array
 
 
 class ProjectedStepper:
-    """Stepper by semi-implicit Euler or RK4 with an engine's accelerations, projected onto the loops after each step.
+    """Stepper that uses semi-implicit Euler or RK4 with an engine's accelerations, and projects each state onto the
+    loops.
 
     See `screwgauge.engines.tree.protocol.Stepper`.
     """

@@ -35,9 +35,9 @@ class BodyPoses:
     """Poses of all bodies of the tree, ground first, and the screws that move them.
 
     Attributes:
-        R, p: Orientation and origin in the world. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        screws: Twist about the world's origin, angular first, that a unit velocity of each coordinate adds to all
-            bodies moved by that coordinate. Shape (n, 6, n_v).
+        R, p: Orientation and origin in the world frame. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
+        screws: Twist about the world origin, angular first, that a unit velocity of each coordinate adds to all bodies
+            moved by that coordinate. Shape (n, 6, n_v).
         moves: Matrix with 1 where a coordinate moves a body, else 0. Shape (n_body + 1, n_v).
     """
 
@@ -51,7 +51,7 @@ class BodyPoses:
         return np.asarray(self.p[:, bodies] + times(self.R[:, bodies], places))
 
     def jacobian(self, moves: Array, at: Array, rows: slice) -> Array:
-        """Return the derivative of points by the coordinates at the selected poses, shape (n_row, m, 3, n_v).
+        """Return the derivative of points with respect to coordinates at the selected poses, shape (n_row, m, 3, n_v).
 
         Args:
             moves: Share of each coordinate's screw that moves each point. Shape (m, n_v).
@@ -91,7 +91,7 @@ class BodyPoses:
         return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _sum_over_movers(self, screws: Array, v: Array, arms: Array) -> Array:
-        """Sum the screws of the coordinates that move each body, and shift each sum to the point `arms`."""
+        """Sum the screws of the coordinates that move each body, and shift each sum by the vectors `arms`."""
         moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # as one matrix product
         V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], arms)
@@ -103,7 +103,7 @@ class OpenTree(Protocol):
 
     Attributes:
         coordinates: Joint coordinates in the engine's order.
-        bodies, parents: Bodies without ground, and the body that carries each in the tree.
+        bodies, parents: Bodies, excluding ground, and the body that carries each of them in the tree.
         closures, couplings: Closures and couplings of its model file.
         masses, com: Mass of each body [kg], and centre of mass in the body frame [m]. Shapes (n_body,), (n_body, 3).
         rounding: Dimensionless closure residual below which float32 poses are meaningless; 0 in float64.
@@ -241,7 +241,7 @@ class Stepper(Protocol):
         """Set the initial state."""
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Make n steps of size h from time t; return coordinates and velocities.
+        """Take n steps of size h from time t; return coordinates and velocities.
 
         Raises:
             SingularPoseError: The integration cannot continue.

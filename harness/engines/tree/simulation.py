@@ -158,10 +158,10 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     if run.closed:
         residual, rate = run.drift
         notes.append(
-            f"largest drift off the closed loops, removed after each step: {residual:.1e} (m, rad), {rate:.1e} /s"
+            f"largest drift from the closed loops, removed after each step: {residual:.1e} (m, rad), {rate:.1e} /s"
         )
     if steps.over:
-        notes.append(f"{steps.over} steps were repeated with another size because accelerations were unreliable")
+        notes.append(f"{steps.over} steps were repeated with a different step size since accelerations were unreliable")
     read, cost = read_path(closed, run.path, task.start), replace(steps.cost, evaluations=run.evaluations)
     setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}; {mover.setting}"
     labels = closed.tree.engine, closed.tree.version, setting
