@@ -177,7 +177,7 @@ def make() -> Make:
             provenance=PROVENANCE,
             refusals=(),
             left_out=LeftOutForces(),
-            reviews={},
+            review=dict,
             cover=Coverage,
         )
 

@@ -55,7 +55,7 @@ class Comparison:
         provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
         refusals: Samples at which an engine returns no value, with the reason.
         left_out: Forces that files contain but no engine includes.
-        reviews: Table -> review of the faults in its columns.
+        review: Function that computes `reviews` on demand.
         cover: Function that computes `coverage` on demand.
     """
 
@@ -70,7 +70,7 @@ class Comparison:
     provenance: Mapping[str, Any]
     refusals: Sequence[Refusal]
     left_out: LeftOutForces
-    reviews: Mapping[str, TableReview]
+    review: Callable[[], Mapping[str, TableReview]]
     cover: Callable[[], Coverage]
 
     @property
@@ -249,6 +249,11 @@ class Comparison:
 
     def _solutions_with(self, quantity: str) -> list[Solution]:
         return [solution for solution in self.solutions.values() if quantity in solution.values]
+
+    @cached_property
+    def reviews(self) -> Mapping[str, TableReview]:
+        """Table -> review of the faults in its columns."""
+        return self.review()
 
     @cached_property
     def coverage(self) -> Coverage:

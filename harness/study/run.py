@@ -155,7 +155,7 @@ def run(
         provenance=record,
         refusals=answered.lacking,
         left_out=answered.left_out,
-        reviews=_reviews(scene, solutions, answered.answers, (errors, judged)),
+        review=partial(_reviews, scene, solutions, answered.answers, (errors, judged)),
         cover=partial(coverage, scene.mechanism, asked.problem, answered.answers, asked.mobility, scene.tolerance),
     )
 
