@@ -162,8 +162,8 @@ def write_mjcf(
         gravity: Gravity in world axes [m/s^2]. Shape (3,).
         include: Subset of `PARTS`; the remaining parts are not written, and their stages are disabled.
 
-        Raises:
-            UnknownNameError: The cut is not one of `CUTS`, or a part is not one of `PARTS`.
+    Raises:
+        UnknownNameError: The cut is not one of `CUTS`, or a part is not one of `PARTS`.
     """
     for part in sorted(include):
         if part not in PARTS:

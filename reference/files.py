@@ -190,8 +190,8 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
         what: Noun for the file in the error message.
         remedy: Remedy if the file is not JSON.
 
-        Raises:
-            DescriptionError: The file cannot be read, or is not a JSON object.
+    Raises:
+        DescriptionError: The file cannot be read, or is not a JSON object.
     """
     value = parse_json(read_file(path), what, str(path), remedy)
     if not isinstance(value, dict):

@@ -201,8 +201,8 @@ def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rat
         t, rates: Times [s], shape (n,), and rates [rad/s], shape (n, m), used to predict each sample from the preceding
             sample; without them, the prediction is the preceding sample.
 
-        Returns:
-            Continuous angles [rad]. Shape (n, m).
+    Returns:
+        Continuous angles [rad]. Shape (n, m).
     """
     sure = sure & np.isfinite(angles).all(axis=1)
     if t is None or rates is None:

@@ -100,7 +100,7 @@ def test_bad_input_is_said(pendulum):
         integrate(pendulum, Applied(), np.array([0.0, 0.0]))
     with pytest.raises(DescriptionError, match=r"shape \(2,\).* got shape \(3,\)"):
         integrate(pendulum, Applied(), times, start=np.zeros(3))
-    with pytest.raises(DescriptionError, match="use 2 finite numbers"):
+    with pytest.raises(DescriptionError, match="2 independent coordinates"):
         integrate(pendulum, Applied(), times, yd=np.array([0.0, np.nan]))
     with pytest.raises(DescriptionError, match=r"rtol = -1, atol = 1e-12; use"):
         integrate(pendulum, Applied(), times, rtol=-1.0)

@@ -102,8 +102,8 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
     Args:
         gone: Links to remove; their children are attached to an ancestor without moving.
 
-        Returns:
-            World frame of each link. Shape (4, 4) each.
+    Returns:
+        World frame of each link. Shape (4, 4) each.
     """
     frames = frames_of(file, target)
     for i, (link, F) in enumerate(zip(file.links, frames, strict=True)):

@@ -137,8 +137,8 @@ def _check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = 
     Args:
         attached: Name of an attached model -> number of bodies that MuJoCo generates from it.
 
-        Raises:
-            DescriptionError: MuJoCo would generate too many bodies or copies.
+    Raises:
+        DescriptionError: MuJoCo would generate too many bodies or copies.
     """
     bodies = copies = 0.0
     waiting = [(root, 1.0)]

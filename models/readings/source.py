@@ -189,7 +189,7 @@ def _urdf(root: ET.Element, path: Path) -> Source:
 
 
 def _turn_warnings(root: ET.Element) -> Iterator[str]:
-    """Yield messages about origins of a URDF and poses of an SDF whose angles exceed a turn, probably in degrees."""
+    """Yield messages about origins of a URDF and poses of an SDF whose angles exceed two turns, probably in degrees."""
     for parent in root.iter():
         for place in (each for each in parent if each.tag in ("origin", "pose") and each.get("degrees") != "true"):
             text = place.get("rpy") if place.tag == "origin" else " ".join((place.text or "").split()[3:6])

@@ -340,8 +340,8 @@ class NewtonEuler:
             need: Required wrenches for p cases. Shape (n, 6 (b - 1), p).
             wide: Matrix c in a wider format.
 
-            Returns:
-                Forces in the order of c's columns. Shape (n, m, p).
+        Returns:
+            Forces in the order of c's columns. Shape (n, m, p).
         """
         inverse, below = self._inverted[0], np.zeros((len(need), self.rule.shape[1], need.shape[2]))
         right = np.concatenate([need / self.rows[:, None], below], axis=1)

@@ -13,8 +13,8 @@ def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Sc
     Args:
         rates: Rate of each independently changing node, e.g. an input; other nodes depend on these or are constant.
 
-        Raises:
-            NotTraceableError: A value results from an operation without derivative.
+    Raises:
+        NotTraceableError: A value results from an operation without derivative.
     """
     known: dict[int, Scalar] = {node.index: rate for node, rate in rates.items()}
     for node in _nodes_below(outputs, known):

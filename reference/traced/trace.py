@@ -244,8 +244,8 @@ class Factors:
             unit, size: Unit of each row and scale of each unknown, which make entries dimensionless.
             stages: Columns to eliminate in each stage.
 
-            Raises:
-                NotTraceableError: No entry is large enough for a pivot at the samples.
+        Raises:
+            NotTraceableError: No entry is large enough for a pivot at the samples.
         """
         self.trace = next((x.trace for x in A.values() if isinstance(x, Node)), None)
         self.left = {key: value for key, value in A.items() if not (isinstance(value, float) and value == 0.0)}

@@ -268,6 +268,6 @@ def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
             raise DescriptionError(
                 f"start and rates must have shape ({k},) and be finite, got shape {np.shape(values)}",
                 where,
-                f"use {k} finite numbers",
+                f"pass finite numbers for the {k} independent coordinates",
             )
     return times, np.concatenate([task.start, task.rates, [0.0]])

@@ -264,7 +264,7 @@ def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
             raise DescriptionError(
                 f"{what} must have shape ({k},), got {np.shape(values)}",
                 closed.file.mechanism,
-                f"use {k} numbers",
+                f"pass numbers for the {k} independent coordinates",
             )
     y, yd = task.start[None].astype(float), task.rates[None].astype(float)
     wanted = frozenset(("joint_position", "joint_velocity"))
