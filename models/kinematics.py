@@ -167,7 +167,7 @@ def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
 
 def residual_at_home(tree: ReadingTree) -> dict[str, float]:
     """Compute the largest entry in the gap of each closure at home [m, or rad for rotations of a weld]."""
-    gaps = closure_gaps(tree, move(tree, home(tree.reading)))
+    gaps = closure_gaps(move(tree, home(tree.reading)))
     return {name: float(np.abs(gap).max()) for name, gap in gaps.items()}
 
 

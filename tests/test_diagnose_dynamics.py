@@ -103,12 +103,12 @@ def test_rows_of_closures_are_rates_of_their_gaps(zoo):
     states = draw(reading, 1)
     home = np.array([[0, 0, 0, 1, 0, 0, 0, reading.joints["h"].home, 0, 1, 0, 0, 0, 0]], dtype=float)
     assert home.shape == states.q.shape
-    rows = closure_rows(tree, move(tree, replace(states, q=home)))
+    rows = closure_rows(move(tree, replace(states, q=home)))
     h = 1e-6
     for column, place in ((6, 7), (7, 8), (11, 13)):  # the hinge, the slide, the other hinge
         step = np.zeros_like(home)
         step[0, place] = h
-        ends = [closure_gaps(tree, move(tree, replace(states, q=home + sign * step))) for sign in (1, -1)]
+        ends = [closure_gaps(move(tree, replace(states, q=home + sign * step))) for sign in (1, -1)]
         for name, row in rows.items():
             assert np.abs((ends[0][name] - ends[1][name]) / (2 * h) - row[:, :, column]).max() < 1e-8, name
     assert max(residual_at_home(tree).values()) < 1e-15

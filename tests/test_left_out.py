@@ -8,7 +8,7 @@ import screwgauge
 from screwgauge.reference.resistance import without_resistance
 from support.claims import table
 from support.errors import DescriptionError, ModelFileError, UnknownNameError
-from support.judging import admitted_motion, answer_at, measure, measured_parts
+from support.judging import admissible_motion, answer_at, measure, measured_parts
 from support.mechanism import load_mechanism, same_content
 from support.models import Options, description, import_model
 from support.pages import markdown, terminal
@@ -63,7 +63,7 @@ def moving(path, bare: bool = True):
     wanted = ("joint_position", "joint_velocity", "joint_acceleration", "generalized_force")
     solution = screwgauge.run(scene, ["screw"], wanted).solutions["screw"]
     answer = answer_at(scene.mechanism, scene.problem(wanted), solution, np.arange(len(scene.t)))
-    (part,) = measured_parts(lambda: iter([(answer, admitted_motion(answer))]), scene.mechanism.left_out)
+    (part,) = measured_parts(lambda: iter([(answer, admissible_motion(answer.motion))]), scene.mechanism.left_out)
     return solution, part
 
 

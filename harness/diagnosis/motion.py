@@ -78,7 +78,7 @@ def follow(
     motion = move(tree, there)
     here = motion.links.frames(own)
     missing = (wanted.acceleration - here.acceleration).reshape(len(C), -1, 1)
-    gaps = [_off(here, wanted), (here.velocity - wanted.velocity).reshape(len(C), -1), residual(tree, there, motion)]
+    gaps = [_off(here, wanted), (here.velocity - wanted.velocity).reshape(len(C), -1), residual(motion)]
     fits = np.abs(np.hstack(gaps)).max(axis=1, initial=0.0) <= FITS * max(tree.length, 1.0)
     return replace(there, qdd=(back @ missing)[..., 0]), C, fits
 

@@ -34,8 +34,7 @@ class Answer:
         t: Times [s]. Shape (n,).
         values: Quantity -> values.
         work: Work of motors, loads and dampers [J], shape (n,); None if unknown.
-        joints: All joint coordinates and two derivatives, zero if missing. Shape (3, n, n_q).
-        motion: Motion of the tree in these states.
+        motion: Motion of the tree; missing joint coordinates or derivatives are zero.
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
         admitted: Largest scaled error that the engine estimates for any of its values.
@@ -46,15 +45,12 @@ class Answer:
     """
 
     engine: str
-    mechanism: Mechanism
     applied: Applied
     rule: str
-    tree: MechanismTree
     t: Array
     values: Mapping[str, Values]
     work: Array | None
-    joints: Array
-    motion: TreeMotion
+    motion: TreeMotion[MechanismTree]
     scales: Mapping[str, float]
     tolerance: float
     admitted: float = 0.0
@@ -68,14 +64,29 @@ class Answer:
         return self.values[quantity].array
 
     @property
-    def q(self) -> Array:
-        """All joint coordinates [rad or m]. Shape (n, n_q)."""
-        return np.asarray(self.joints[0])
+    def tree(self) -> MechanismTree:
+        """Tree of the mechanism."""
+        return self.motion.tree
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism."""
+        return self.tree.mechanism
 
     @property
     def states(self) -> TreeStates:
         """Joint coordinates and their derivatives."""
-        return TreeStates(*self.joints)
+        return self.motion.states
+
+    @property
+    def joints(self) -> tuple[Array, Array, Array]:
+        """All joint coordinates and two derivatives. Shape (n, n_q) each."""
+        return self.q, self.states.qd, self.states.qdd
+
+    @property
+    def q(self) -> Array:
+        """All joint coordinates [rad or m]. Shape (n, n_q)."""
+        return self.states.q
 
     def has(self, *quantities: str) -> bool:
         """Return True if the answer has all of these quantities."""
@@ -102,7 +113,7 @@ class Answer:
 
     def with_joints(self, joints: Array) -> Answer:
         """Replace joint coordinates and derivatives. Shape (3, n, n_q)."""
-        return replace(self, joints=joints, motion=move(self.tree, TreeStates(*joints)))
+        return replace(self, motion=move(self.tree, TreeStates(*joints)))
 
     def residual(
         self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
@@ -175,15 +186,12 @@ def answer_at(
             derivative[:] = values[name].array
     return Answer(
         engine=solution.engine,
-        mechanism=mechanism,
         applied=problem.applied,
         rule=problem.rule,
-        tree=tree,
         t=motion_task(problem).t[rows],
         points=problem.points,
         values=values,
         work=None if solution.work is None else solution.work[rows],
-        joints=joints,
         motion=move(tree, TreeStates(*joints)),
         scales={**scales, "J": scales["N m"]},
         tolerance=tolerance,

@@ -49,15 +49,13 @@ class CoveredMotion:
     mechanism: Mechanism
     problem: Problem
     t: Array
-    tree: MechanismTree
-    states: TreeStates
-    motion: TreeMotion
+    motion: TreeMotion[MechanismTree]
     admissible: AdmissibleMotion
 
     @property
     def accelerations(self) -> tuple[Array, Array, Array]:
         """Accelerations of joints, angular accelerations of bodies, and accelerations of centres of mass."""
-        return self.states.qdd, self.motion.com.b, self.motion.com.a
+        return self.motion.states.qdd, self.motion.com.b, self.motion.com.a
 
     @property
     def axial(self) -> tuple[str, Array] | None:
@@ -67,13 +65,13 @@ class CoveredMotion:
     @cached_property
     def lost(self) -> dict[str, tuple[Array, Array, Array]]:
         """Change in the accelerations of joints and bodies due to each term of the Lie bracket."""
-        products = velocity_products(self.motion, self.states.qd)
+        products = velocity_products(self.motion)
         products["bracket"] = np.sum([*products.values()], axis=0)
         return {term: self._lost(products[term]) for term in BRACKET}
 
     def _lost(self, products: Array) -> tuple[Array, Array, Array]:
         """Return the accelerations due to some of the `velocity_products`, of shape (n, n_freedom, 6)."""
-        tree, motion, m = self.tree, self.motion, len(self.tree.closures)
+        tree, motion, m = self.motion.tree, self.motion, len(self.motion.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
         open_by = (second - first) @ products
         open_by[..., 3:] += cross(open_by[..., :3], motion.closures.p[:, m:])
@@ -94,13 +92,11 @@ def covered_motion(mechanism: Mechanism, problem: Problem, motion: GivenMotion, 
     """
     tree = mechanism_tree(mechanism, spanning_tree(mechanism), natural_scales(mechanism)["m"])
     none = np.zeros_like(q)
-    admissible = admissible_motion(
-        move(tree, TreeStates(q, none, none)), q, mechanism.units, mechanism.independent_columns
-    )
-    states = TreeStates(q, admissible.joints(motion.yd), none)
-    gaps = residual(tree, states, move(tree, states), 2)
-    states = TreeStates(q, states.qd, admissible.joints(motion.ydd, gaps))
-    return CoveredMotion(mechanism, problem, motion.t, tree, states, move(tree, states), admissible)
+    admissible = admissible_motion(move(tree, TreeStates(q, none, none)))
+    qd = admissible.joints(motion.yd)
+    gaps = residual(move(tree, TreeStates(q, qd, none)), 2)
+    moved = move(tree, TreeStates(q, qd, admissible.joints(motion.ydd, gaps)))
+    return CoveredMotion(mechanism, problem, motion.t, moved, admissible)
 
 
 def compared_forces(at: CoveredMotion, needed: Array, counted: Mobility) -> Iterator[tuple[str, str, Array]]:
@@ -126,8 +122,8 @@ def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]
     mechanism, (_, columns) = at.mechanism, minimal_tree(layout(at.mechanism))
     joints = {joint.name for joint in mechanism.joints if {*mechanism.columns(joint.coordinates)} & {*columns}}
     tree, bodies, shares = open_tree(mechanism, spanning_tree(mechanism), joints)
-    still = np.zeros_like(at.states.q)
-    forces = project_forces(move(tree, TreeStates(at.states.q, still, still)), own[:, :, bodies] * shares[:, None])
+    still = np.zeros_like(q := at.motion.states.q)
+    forces = project_forces(move(tree, TreeStates(q, still, still)), own[:, :, bodies] * shares[:, None])
     return _units(mechanism, columns), np.moveaxis(forces[..., columns], 0, 2)
 
 
@@ -150,21 +146,20 @@ def _solve(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
 
 def _balance(at: CoveredMotion, whole: Array) -> tuple[dict[str, str], Array]:
     """Solve for reactions, then actuator forces, from the balance of every body and the redundancy rule."""
-    tree, com, q = at.tree, at.motion.com, at.states.q
-    parts = [part for name in ("reaction", "actuator_force") for part in unit_wrenches(tree, at.motion, q, name)]
-    units, columns_of = wrench_columns(parts, tree, com)
+    parts = [part for name in ("reaction", "actuator_force") for part in unit_wrenches(at.motion, name)]
+    units, columns_of = wrench_columns(parts, at.motion)
     if at.axial:  # eq. (56)
         name, direction = at.axial
         body = at.mechanism.body_index[at.mechanism.joint(name).child] - 1
         columns = [[*units].index(f"{name}.f{axis}") for axis in "xyz"]
-        nothing = across_direction(com.R[:, body], direction)
+        nothing = across_direction(at.motion.com.R[:, body], direction)
     else:  # no preload
         columns = [*range(len(units) - len(at.mechanism.actuator_names), len(units))]
         U = np.linalg.svd(at.admissible.partial[:, at.mechanism.actuated_columns], full_matrices=True)[0]
         nothing = U[..., len(at.mechanism.independent) :].swapaxes(1, 2)
-    rules = np.zeros((len(q), nothing.shape[1], len(units)))
+    rules = np.zeros((len(whole[0]), nothing.shape[1], len(units)))
     rules[:, :, columns] = nothing
-    return units, balance_amounts(units.values(), columns_of, np.moveaxis(whole, 0, 3), tree.length, rules)
+    return units, balance_amounts(units.values(), columns_of, np.moveaxis(whole, 0, 3), at.motion.tree.length, rules)
 
 
 def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
@@ -173,7 +168,7 @@ def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
 
 def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
     """Return the kinds of terms and the required wrenches due to each; `inertial` includes the Lie bracket."""
-    applied, tree, com = now.problem.applied, now.tree, now.motion.com
+    applied, tree, com = now.problem.applied, now.motion.tree, now.motion.com
     split = newton_euler(tree, com.R, com.w, com.b, com.a, applied.g)
     nothing = np.zeros((*com.p.shape[:2], 6))
 
@@ -197,7 +192,7 @@ def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
 
 def _needs_of_applied(now: CoveredMotion, applied: Applied, resist: Sequence[Resistance] = ()) -> Array:
     """Return the required wrenches on bodies due to applied forces. Shape (n, n_body, 6)."""
-    return -exerted_on_bodies(now.tree, now.motion, now.states, now.t, applied, resist)
+    return -exerted_on_bodies(now.motion, now.t, applied, resist)
 
 
 _AXES = "xyz"
@@ -227,7 +222,7 @@ def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
 
 
 def _of_bodies(now: CoveredMotion) -> Iterator[_Column]:
-    applied, L, mechanism, com = now.problem.applied, now.tree.length, now.mechanism, now.motion.com
+    applied, L, mechanism, com = now.problem.applied, now.motion.tree.length, now.mechanism, now.motion.com
     for i, body in enumerate(mechanism.bodies):
         R, w, b = com.R[:, i], com.w[:, i], com.b[:, i]
         weight = (body.mass or mechanism.mass) * (com.a[:, i] - applied.g)
@@ -256,6 +251,6 @@ def _of_loads(now: CoveredMotion) -> Iterator[_Column]:
         i, which = now.mechanism.body_index[load.body] - 1, f" {number}" if len(loads) > 1 else ""
         R = now.motion.com.R[:, i]
         if np.any(force := load_in_world(load, now.t, R)[0]):
-            for axis, r in zip(_AXES, np.moveaxis(now.tree.length * R, 2, 0), strict=True):
+            for axis, r in zip(_AXES, np.moveaxis(now.motion.tree.length * R, 2, 0), strict=True):
                 moment = -cross(r, np.broadcast_to(force, r.shape))
                 yield f"point {axis} of load{which} on {load.body}", i, _NONE, (0.0, moment)

@@ -86,7 +86,7 @@ def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
 
 def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
     """Yield the work of the required wrenches on motions that move no actuator, which must vanish."""
-    missing, terms = _work(answer, _admissible(answer), idle)
+    missing, terms = _work(answer, admissible_motion(answer.motion), idle)
     mechanism = answer.mechanism
     labels, columns = [*mechanism.independent], mechanism.independent_columns
     units = [mechanism.units[columns[k]] for k in idle]
@@ -154,26 +154,21 @@ def _answer_at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
     joints[0] = answer.q[rows]
     other = replace(answer, t=given.t, values={}).with_joints(joints)
     for _ in range(NEWTON):
-        gaps = residual(other.tree, other.states, other.motion)
+        gaps = residual(other.motion)
         missing = given.y - other.q[:, mechanism.independent_columns]
-        joints[0] += _admissible(other).joints(missing, gaps)
+        joints[0] += admissible_motion(other.motion).joints(missing, gaps)
         other = other.with_joints(joints)
-    admissible = _admissible(other)
+    admissible = admissible_motion(other.motion)
     joints[1] = admissible.joints(given.yd)
     other = other.with_joints(joints)
     still = given.ydd * ~np.isin(np.arange(given.ydd.shape[1]), given.idle)
-    joints[2] = admissible.joints(still, residual(other.tree, other.states, other.motion, 2))
+    joints[2] = admissible.joints(still, residual(other.motion, 2))
     return other.with_joints(joints)
-
-
-def _admissible(answer: Answer) -> AdmissibleMotion:
-    mechanism = answer.mechanism
-    return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
 
 
 def _accelerations(answer: Answer, given: GivenMotion) -> tuple[Array, Array]:
     """Solve for accelerations of idle coordinates, shape (n, m); also return their largest terms, shape (m,)."""
-    idle, admissible = [*given.idle], _admissible(answer)
+    idle, admissible = [*given.idle], admissible_motion(answer.motion)
     missing, terms = _work(answer, admissible, idle)
     M = residuals.inertia_of(answer, admissible)[..., idle]
     own = np.diagonal(M[:, idle], axis1=1, axis2=2).min(axis=0)

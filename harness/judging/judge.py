@@ -73,7 +73,7 @@ def judge(
         whole, some = (replace(part, admitted=0.0) for part in parts)
         table = [*closure(whole)]
         if whole.has(*_MOTION):
-            table += residuals.virtual_work(some, admitted_motion(some), *residuals.required_wrenches(some))
+            table += residuals.virtual_work(some, admissible_motion(some.motion), *residuals.required_wrenches(some))
         grown = integrated_tolerance(task.integration.rtol, task.integration.atol)
         as_far = [one for one in again if np.isin(rows, common_rows(len(task), one)).all()]
         others = [answer_at(mechanism, problem, one, rows, tolerance) for one in as_far]
@@ -101,7 +101,7 @@ def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals
     tree, forces = (any(some.has(name) for name in names) for names in (residuals.TREE_FORCES, _FORCES))
     lacking = not some.has(*_MOTION)
     if lacking or forces:
-        admissible = admitted_motion(some)
+        admissible = admissible_motion(some.motion)
     if lacking:
         whole = some = complete_motion(some, admissible, motion)
         if not some.has("joint_velocity"):
@@ -113,9 +113,9 @@ def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals
     if whole.has("resistance"):
         yield from residuals.resistance(whole)
     if some.has("mass_matrix"):
-        yield from residuals.mass_matrix(some, admitted_motion(some))
+        yield from residuals.mass_matrix(some, admissible_motion(some.motion))
     if some.has("jacobian"):
-        yield from residuals.jacobian(some, admitted_motion(some), motion.idle)
+        yield from residuals.jacobian(some, admissible_motion(some.motion), motion.idle)
     if tree:
         yield from residuals.tree_forces(some)
 
@@ -151,7 +151,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
         name, quantity, per = _CLOSURE[order]
         if order and not answer.has(quantity):
             continue
-        values, gaps = answer.joints[order], residual(answer.tree, answer.states, answer.motion, order)
+        values, gaps = answer.joints[order], residual(answer.motion, order)
         loops, coupled = np.split(gaps, [6 * len(answer.tree.closures)], axis=1)
         missing = loops.reshape(len(loops), -1, 2, 3)
         for part, unit in enumerate((f"rad{per}", f"m{per}")):
@@ -181,12 +181,6 @@ def body_motions(answer: Answer) -> Residuals:
             missing, size = values.array - walked, max(largest(values.array), answer.fastest(order, unit))
             about = (quantity, *_MOTION)
             yield answer.residual("body_motion", unit, values.components, missing, size, about)
-
-
-def admitted_motion(answer: Answer) -> AdmissibleMotion:
-    """Return the motions that the loops admit at the poses of an answer."""
-    mechanism = answer.mechanism
-    return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
 
 
 def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]) -> dict[str, float]:
@@ -222,7 +216,7 @@ def answer_in_motion(
 ) -> tuple[Answer, AdmissibleMotion]:
     """Return the answer at some samples, completed if the motion is given, and the motions that the loops admit."""
     answer = answer_at(mechanism, problem, solution, rows)
-    admissible = admitted_motion(answer)
+    admissible = admissible_motion(answer.motion)
     if isinstance(problem.task, GivenMotion):
         answer = complete_motion(answer, admissible, problem.task.part(rows))
     return answer, admissible
@@ -230,13 +224,12 @@ def answer_in_motion(
 
 def complete_motion(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) -> Answer:
     """Complete an answer with joint velocities and accelerations computed from its poses and the motion."""
-    joints = answer.joints.copy()
+    joints = np.array(answer.joints)
     if not answer.has("joint_velocity"):
         joints[1] = admissible.joints(given.yd)
     if not answer.has("joint_acceleration"):
         joints[2] = 0.0
-        still = answer.with_joints(joints)
-        joints[2] = admissible.joints(given.ydd, residual(still.tree, still.states, still.motion, 2))
+        joints[2] = admissible.joints(given.ydd, residual(answer.with_joints(joints).motion, 2))
         if given.idle:
             joints[2] += accelerations_from_bodies(answer.with_joints(joints), admissible, given.idle)
     return answer.with_joints(joints)

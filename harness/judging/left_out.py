@@ -112,13 +112,12 @@ class MeasuredPart:
     def _reactions(self, wrenches: Array, names: Sequence[str]) -> Array:
         """Return joint reactions that, with the actuator forces, supply the required wrenches. Shape (n, m)."""
         answer, need = self.answer, wrenches.copy()
-        com = answer.motion.com
         driving = [unit for _, unit in unit_wrenches_of(answer, "actuator_force")]
         for force, unit in zip(self.actuators(wrenches).T, driving, strict=True):
-            for body, wrench in unit.on_bodies(answer.tree, com):
+            for body, wrench in unit.on_bodies(answer.motion):
                 need[:, body] -= force[:, None] * wrench
         parts = [part for _, part in unit_wrenches_of(answer, "reaction")]
-        units, columns = wrench_columns(parts, answer.tree, com)
+        units, columns = wrench_columns(parts, answer.motion)
         none = np.zeros((len(need), 0, len(units)))
         amounts = balance_amounts(units.values(), columns, need[..., None], answer.scales["m"], none)[..., 0]
         return amounts[:, [[*units].index(name) for name in names]]
@@ -221,7 +220,7 @@ def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Ite
             for kind, force in _along_stroke(answer, one, there).items():
                 total = np.zeros(_shape(answer))
                 for name, share in one.along.items():
-                    act = coordinate_wrench(answer.tree, answer.motion, answer.q, name, share * force)
+                    act = coordinate_wrench(answer.motion, name, share * force)
                     total += _between(answer, act.joint.bodies, act.force, act.moment, act.point)
                 yield kind, total
         case TurnResistance():

@@ -68,7 +68,7 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
         ((terms.inertial[..., :3], terms.gravity[None]), (terms.inertial[..., 3:], terms.gyroscopic))
     ):
         sizes[:, k] = np.max([np.nanmax(np.abs(part), axis=(0, 2), initial=0.0) for part in parts], axis=0)
-    exerted = exerted_wrenches(tree, answer.motion, answer.states, answer.t, applied) if loaded else ()
+    exerted = exerted_wrenches(answer.motion, answer.t, applied) if loaded else ()
     for body, force, moment, point in exerted:
         lever = cross(point, np.broadcast_to(force, point.shape))
         wrenches[:, body, :3] -= force
@@ -98,7 +98,7 @@ def level_sizes(sizes: Array, length: float) -> Array:
 def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, JointWrench]]:
     """Yield each quantity, ``reaction`` or ``actuator_force``, with the unit wrench of each of its components."""
     for quantity in quantities:
-        yield from ((quantity, unit) for unit in unit_wrenches(answer.tree, answer.motion, answer.q, quantity))
+        yield from ((quantity, unit) for unit in unit_wrenches(answer.motion, quantity))
 
 
 def amount(answer: Answer, quantity: str, unit: JointWrench) -> Array:
@@ -117,7 +117,7 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
         admitted, size = answer.loose_scale(quantity, unit.unit), amount(answer, quantity, unit)
-        for body, wrench in unit.on_bodies(answer.tree, answer.motion.com):
+        for body, wrench in unit.on_bodies(answer.motion):
             exerted = size * wrench
             missing[:, body] -= exerted
             sizes[body] = np.maximum(sizes[body], [largest(exerted[:, :3]), largest(exerted[:, 3:])])
@@ -300,11 +300,11 @@ def complete_forces(answer: Answer, required: Array) -> Answer:
 def _solve(answer: Answer, required: Array, quantity: str) -> Answer:
     """Solve the balance of all bodies for reactions or actuator forces, given the other quantity."""
     other = {"reaction": "actuator_force", "actuator_force": "reaction"}[quantity]
-    right, tree, com = required.copy(), answer.tree, answer.motion.com
+    right = required.copy()
     for _, unit in unit_wrenches_of(answer, other):
-        for body, wrench in unit.on_bodies(tree, com):
+        for body, wrench in unit.on_bodies(answer.motion):
             right[:, body] -= amount(answer, other, unit) * wrench
-    units, columns = wrench_columns([part for _, part in unit_wrenches_of(answer, quantity)], tree, com)
+    units, columns = wrench_columns([part for _, part in unit_wrenches_of(answer, quantity)], answer.motion)
     no_rule = np.zeros((len(right), 0, len(units)))
     amounts = balance_amounts(units.values(), columns, right[..., None], answer.scales["m"], no_rule)[..., 0]
     solved = Values(tuple(units), tuple(units.values()), amounts)
@@ -393,6 +393,6 @@ def _balance(answer: Answer) -> tuple[Array, float] | None:
 def energies(answer: Answer) -> tuple[Array, Array, Array]:
     """Return kinetic energy, and potential energies of gravity and springs [J]. Shape (n,) each."""
     gravity = -(answer.motion.com.p @ answer.applied.g) @ answer.tree.mass
-    springs = spring_energy(answer.tree, answer.motion, answer.q, answer.applied)
+    springs = spring_energy(answer.motion, answer.applied)
     rotors = 0.5 * answer.states.qd**2 @ answer.mechanism.rotors
     return kinetic_energy(answer.motion) + rotors, gravity, springs

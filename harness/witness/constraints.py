@@ -6,7 +6,6 @@ do not depend on this choice.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array, cross, quaternion_rotation, rotation_vector
+from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion, move
 from screwgauge.witness.tree import FREEDOMS, Coupled, SpanningTree, TreeStates
 
@@ -28,7 +28,7 @@ DEPENDENT = 1e-8
 UNCLEAR = 1e-11, 1e-5
 
 
-def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict[str, Array]:
+def closure_gaps(motion: TreeMotion[SpanningTree], order: int = 0) -> dict[str, Array]:
     """Return the displacement of each closure's second frame relative to its first, or a derivative, in world axes.
 
     Args:
@@ -37,7 +37,7 @@ def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict
     Returns:
         Closure -> displacement, shape (n, 3), for points; rotation vector, then displacement, shape (n, 6), for welds.
     """
-    ends, m = motion.closures, len(tree.closures)
+    ends, m = motion.closures, len(motion.tree.closures)
     first, second = ends.part(slice(m)), ends.part(slice(m, None))
     linear = getattr(second, "pva"[order]) - getattr(first, "pva"[order])
     if order:
@@ -47,14 +47,15 @@ def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict
     whole = np.concatenate([angular, linear], axis=2)
     return {
         name: whole[:, i] if closure.kind == "weld" else linear[:, i]
-        for i, (name, closure) in enumerate(tree.closures.items())
+        for i, (name, closure) in enumerate(motion.tree.closures.items())
     }
 
 
-def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Array:
+def coupling_gaps(motion: TreeMotion[SpanningTree], order: int = 0) -> Array:
     """Return the deviation of coupled coordinates, or their derivatives, from the couplings. Shape (n, n_coupling)."""
-    out = np.empty((len(states.q), len(tree.couplings)))
-    for k, one in enumerate(tree.couplings.values()):
+    states, couplings = motion.states, motion.tree.couplings
+    out = np.empty((len(states.q), len(couplings)))
+    for k, one in enumerate(couplings.values()):
         column, velocity, *_ = one
         here = states.q[:, column], states.qd[:, velocity], states.qdd[:, velocity]
         out[:, k] = here[order] - _leads(one, states)[order]
@@ -72,23 +73,24 @@ def _leads(one: Coupled, states: TreeStates) -> tuple[Array, Array, Array]:
     return total, rate, change
 
 
-def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
+def closure_rows(motion: TreeMotion[SpanningTree]) -> dict[str, Array]:
     """Return the velocity of each closure's second frame relative to the first, in world axes, per unit velocity.
 
     Returns:
         Closure -> shape (n, 3, n_freedom) for points, (n, 6, n_freedom) for welds.
     """
-    m = len(tree.closures)
-    J = motion.jacobian(tree.ends, motion.closures.p)
+    m = len(motion.tree.closures)
+    J = motion.jacobian(motion.tree.ends, motion.closures.p)
     rows = J[:, m:] - J[:, :m]
     return {
         name: rows[:, i] if closure.kind == "weld" else rows[:, i, 3:]
-        for i, (name, closure) in enumerate(tree.closures.items())
+        for i, (name, closure) in enumerate(motion.tree.closures.items())
     }
 
 
-def coupling_rows(tree: SpanningTree, q: Array) -> Array:
+def coupling_rows(motion: TreeMotion[SpanningTree]) -> Array:
     """Return rates of the couplings per unit velocity. Shape (n, n_coupling, n_freedom)."""
+    tree, q = motion.tree, motion.states.q
     rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
     for k, (_, own, _, leads) in enumerate(tree.couplings.values()):
         rows[:, k, own] = 1.0
@@ -100,23 +102,22 @@ def coupling_rows(tree: SpanningTree, q: Array) -> Array:
 def gaps_and_rows(tree: SpanningTree, states: TreeStates) -> tuple[Array, Array]:
     """Return all gaps [m or rad], shape (n, m), and their rates per unit velocity, (n, m, n_freedom)."""
     motion = move(tree, states)
-    return residual(tree, states, motion), constraint_rows(tree, motion, states.q)
+    return residual(motion), constraint_rows(motion)
 
 
 def gap_bias(tree: SpanningTree, states: TreeStates) -> Array:
     """Return the second derivative of all gaps, Jdot v; rotations of welds are treated as closed. Shape (n, m)."""
-    states = replace(states, qdd=np.zeros_like(states.qdd))
-    return residual(tree, states, move(tree, states), 2)
+    return residual(move(tree, replace(states, qdd=np.zeros_like(states.qdd))), 2)
 
 
-def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: int = 0) -> Array:
+def residual(motion: TreeMotion[SpanningTree], order: int = 0) -> Array:
     """Return all gaps, concatenated. Shape (n, m)."""
-    return np.hstack([*closure_gaps(tree, motion, order).values(), coupling_gaps(tree, states, order)])
+    return np.hstack([*closure_gaps(motion, order).values(), coupling_gaps(motion, order)])
 
 
-def constraint_rows(tree: SpanningTree, motion: TreeMotion, q: Array) -> Array:
+def constraint_rows(motion: TreeMotion[SpanningTree]) -> Array:
     """Return the rates of all gaps per unit velocity. Shape (n, m, n_freedom)."""
-    return np.concatenate([*closure_rows(tree, motion).values(), coupling_rows(tree, q)], axis=1)
+    return np.concatenate([*closure_rows(motion).values(), coupling_rows(motion)], axis=1)
 
 
 def move_joints(tree: SpanningTree, q: Array, step: Array) -> Array:
@@ -213,7 +214,7 @@ class AdmissibleMotion:
         columns: Columns of the independent velocities.
     """
 
-    motion: TreeMotion
+    motion: TreeMotion[MechanismTree]
     equations: Array
     gap_size: Array
     size: Array
@@ -250,17 +251,12 @@ class AdmissibleMotion:
         return np.asarray(J @ self.partial[:, None])
 
 
-def admissible_motion(motion: TreeMotion, q: Array, units: Sequence[str], columns: list[int]) -> AdmissibleMotion:
-    """Compute the motions that the loops admit at given poses.
-
-    Args:
-        units: Unit of each velocity, rad or m.
-        columns: Columns of the independent velocities.
-    """
-    tree, length = motion.tree, motion.tree.length
-    size = np.array([1.0 if unit == "rad" else length for unit in units])
+def admissible_motion(motion: TreeMotion[MechanismTree]) -> AdmissibleMotion:
+    """Compute the motions that the loops of a mechanism admit at the poses of a motion."""
+    tree, length, columns = motion.tree, motion.tree.length, motion.tree.mechanism.independent_columns
+    size = np.array([1.0 if unit == "rad" else length for unit in tree.mechanism.units])
     gap_size = [np.array([1.0] * 3 + [length] * 3)[-3 * (1 + (c.kind == "weld")) :] for c in tree.closures.values()]
     gaps = np.concatenate([*gap_size, [size[velocity] for _, velocity, *_ in tree.couplings.values()], np.zeros(0)])
-    rows = constraint_rows(tree, motion, q) / gaps[:, None] * size
-    chosen = np.broadcast_to(np.eye(len(size))[columns], (len(q), len(columns), len(size)))
+    rows = constraint_rows(motion) / gaps[:, None] * size
+    chosen = np.broadcast_to(np.eye(len(size))[columns], (len(rows), len(columns), len(size)))
     return AdmissibleMotion(motion, np.concatenate([rows, chosen], axis=1), gaps, size, columns)

@@ -50,14 +50,14 @@ def momentum(tree: SpanningTree, R: Array, w: Array) -> Array:
     return times(R, times(tree.inertia[None], times(R.swapaxes(-1, -2), w)))
 
 
-def kinetic_energy(motion: TreeMotion) -> Array:
+def kinetic_energy(motion: TreeMotion[SpanningTree]) -> Array:
     """Return the kinetic energy of all bodies [J]. Shape (n,)."""
     tree, com = motion.tree, motion.com
     turning = np.sum(com.w * momentum(tree, com.R, com.w), axis=(1, 2))
     return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ tree.mass + turning))
 
 
-def project_forces(motion: TreeMotion, wrenches: Array) -> Array:
+def project_forces(motion: TreeMotion[SpanningTree], wrenches: Array) -> Array:
     """Return the power of wrenches at the bodies' centres of mass, see `NewtonEulerTerms`, per unit velocity.
 
     Args:
@@ -74,7 +74,7 @@ def project_forces(motion: TreeMotion, wrenches: Array) -> Array:
     return np.asarray(np.sum(motion.axes * np.where(turns[:, None], moment, whole[..., :3]), axis=-1))
 
 
-def mass_matrix(motion: TreeMotion) -> Array:
+def mass_matrix(motion: TreeMotion[SpanningTree]) -> Array:
     """Compute the mass matrix without armature (see Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
 
     Returns:
@@ -90,7 +90,7 @@ def mass_matrix(motion: TreeMotion) -> Array:
     return np.asarray(product * inner + lower)
 
 
-def _inertia_at_origin(motion: TreeMotion) -> Array:
+def _inertia_at_origin(motion: TreeMotion[SpanningTree]) -> Array:
     """Return each body's inertia about the world origin: twist -> angular momentum and momentum. (n, n_body, 6, 6)."""
     tree, com = motion.tree, motion.com
     C, m = skew(com.p), tree.mass[:, None, None]
@@ -125,9 +125,9 @@ class InverseDynamics:
     acceleration: Array
 
 
-def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> InverseDynamics:
+def dynamics(tree: SpanningTree, states: TreeStates) -> InverseDynamics:
     """Compute all terms."""
-    motion = motion or move(tree, states)
+    motion = move(tree, states)
     bodies, needed = motion.bodies, _needed(motion)
     weights = np.zeros_like(needed.inertial)
     weights[..., :3] = needed.gravity
@@ -146,13 +146,13 @@ def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None =
     )
 
 
-def inverse_dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> Array:
+def inverse_dynamics(tree: SpanningTree, states: TreeStates) -> Array:
     """Compute `InverseDynamics.tau` only. Shape (n, n_freedom)."""
-    motion = motion or move(tree, states)
+    motion = move(tree, states)
     return project_forces(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
 
 
-def _needed(motion: TreeMotion) -> NewtonEulerTerms:
+def _needed(motion: TreeMotion[SpanningTree]) -> NewtonEulerTerms:
     tree, com = motion.tree, motion.com
     return newton_euler(tree, com.R, com.w, com.b, com.a, np.reshape(tree.weight, (-1, 1)) * tree.gravity)
 

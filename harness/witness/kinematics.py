@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from screwgauge.witness.tree import FREEDOMS, FixedFrame, Rows, SpanningTree, Tr
 
 #: Number of links times samples processed at once.
 AT_ONCE = 16384
+
+Tree = TypeVar("Tree", bound=SpanningTree)
+AnyTree = TypeVar("AnyTree", bound=SpanningTree, covariant=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,15 +71,17 @@ class Moving:
 
 
 @dataclass(frozen=True, eq=False)
-class TreeMotion:
+class TreeMotion(Generic[AnyTree]):
     """A tree in motion.
 
     Attributes:
+        states: Coordinates, velocities and their derivatives at the samples.
         links: Motion of ground and the links.
         axes: Axis of each velocity, in world axes. Shape (n, n_freedom, 3).
     """
 
-    tree: SpanningTree
+    tree: AnyTree
+    states: TreeStates
     links: Moving
     axes: Array
 
@@ -114,21 +120,21 @@ class TreeMotion:
         return J
 
 
-def move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
+def move(tree: Tree, states: TreeStates) -> TreeMotion[Tree]:
     """Compute the motion of all links, in blocks of samples that stay in the cache."""
     n, at_once = len(states.q), AT_ONCE // (len(tree.links) + 1) + 1
     if n <= at_once:
         return _move(tree, states)
     parts = [_move(tree, states.at(slice(i, i + at_once))) for i in range(0, n, at_once)]
     fields = [_join([getattr(part.links, name) for part in parts]) for name in "Rpwvba"]
-    return TreeMotion(tree, Moving(*fields), _join([part.axes for part in parts]))
+    return TreeMotion(tree, states, Moving(*fields), _join([part.axes for part in parts]))
 
 
 def _join(parts: Sequence[Array]) -> Array:
     return _first(np.concatenate([_last(part) for part in parts], axis=-1))
 
 
-def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
+def _move(tree: Tree, states: TreeStates) -> TreeMotion[Tree]:
     R, p, r = _poses(tree, states.q)
     number, axes, _ = tree.velocity
     e = times(pick_links(R, number), axes)
@@ -141,10 +147,10 @@ def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     v = _accumulate(tree, toward + slide)
     a = cross(pick_links(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
     a += cross(spin, slide)  # velocities of a free joint are along axes that the joint itself rotates
-    return TreeMotion(tree, Moving(R, p, w, v, b, _accumulate(tree, a)), e)
+    return TreeMotion(tree, states, Moving(R, p, w, v, b, _accumulate(tree, a)), e)
 
 
-def unit_twists(motion: TreeMotion) -> Array:
+def unit_twists(motion: TreeMotion[SpanningTree]) -> Array:
     """Return the twist at the world origin of each unit velocity, angular first. (n, f, 6)."""
     number, _, turns = motion.tree.velocity
     lever = cross(motion.links.p[:, number], motion.axes)
@@ -152,21 +158,18 @@ def unit_twists(motion: TreeMotion) -> Array:
     return np.concatenate([np.where(spins, motion.axes, 0.0), np.where(spins, lever, motion.axes)], axis=2)
 
 
-def velocity_products(motion: TreeMotion, qd: Array) -> dict[str, Array]:
+def velocity_products(motion: TreeMotion[SpanningTree]) -> dict[str, Array]:
     """Return the velocity products in the accelerations of all links moved by each velocity, by term of eq. (36).
 
     The first factor belongs to the twist before the joint, the second to the twist that the joint adds. Both twists are
-    at the world origin.
-
-    Args:
-        qd: Velocities of a tree of hinges and slides. Shape (n, n_freedom).
+    at the world origin, and all joints must be hinges or slides.
 
     Returns:
         Term -> angular acceleration, then acceleration of the point at the world origin. Shape (n, n_freedom, 6).
     """
     links, before = motion.links, motion.tree.starts.link[motion.tree.velocity[0] - 1]
     w1, v1 = links.w[:, before], (links.v - cross(links.w, links.p))[:, before]
-    w2, v2 = np.split(unit_twists(motion) * qd[..., None], 2, axis=2)
+    w2, v2 = np.split(unit_twists(motion) * motion.states.qd[..., None], 2, axis=2)
     none = np.zeros_like(w2)
     return {
         "w1 x w2": np.concatenate([cross(w1, w2), none], axis=2),

@@ -17,7 +17,7 @@ from screwgauge.reference.resistance import REST, Resistance
 from screwgauge.reference.rotations import Array, cross, lanes, rotation, times
 from screwgauge.witness.constraints import coupling_rows
 from screwgauge.witness.joints import JOINT_KINDS, MechanismTree, freedoms, orthogonal_axes
-from screwgauge.witness.kinematics import Moving, TreeMotion
+from screwgauge.witness.kinematics import TreeMotion
 from screwgauge.witness.tree import TreeStates, stack_frames
 
 
@@ -38,17 +38,17 @@ class JointWrench:
     moment: Array
     point: Array
 
-    def on_bodies(self, tree: MechanismTree, com: Moving) -> Iterator[tuple[int, Array]]:
+    def on_bodies(self, motion: TreeMotion[MechanismTree]) -> Iterator[tuple[int, Array]]:
         """Yield each loaded body except ground, with force, then moment about the centre of mass. Shape (n, 6)."""
         for side, sign in ((self.joint.child, 1.0), (self.joint.parent, -1.0)):
-            body = tree.mechanism.body_index[side] - 1
+            body = motion.tree.mechanism.body_index[side] - 1
             if body >= 0:
-                wrench, arm = lanes(len(self.point), 6), self.point - com.p[:, body]
+                wrench, arm = lanes(len(self.point), 6), self.point - motion.com.p[:, body]
                 wrench[:, :3], wrench[:, 3:] = sign * self.force, sign * (self.moment + cross(arm, self.force))
                 yield body, wrench
 
 
-def wrench_columns(parts: Sequence[JointWrench], tree: MechanismTree, com: Moving) -> tuple[dict[str, str], Array]:
+def wrench_columns(parts: Sequence[JointWrench], motion: TreeMotion[MechanismTree]) -> tuple[dict[str, str], Array]:
     """Return the components of unit wrenches with their units, and the effect of each component on each body.
 
     Args:
@@ -57,12 +57,12 @@ def wrench_columns(parts: Sequence[JointWrench], tree: MechanismTree, com: Movin
     Returns:
         Component -> N or N m; and force, then moment about the centre of mass. Shape (n, n_body, 6, m).
     """
-    n, b = com.p.shape[:2]
+    n, b = motion.com.p.shape[:2]
     units = {part.name: part.unit for part in parts}
     column = {name: k for k, name in enumerate(units)}
     columns = np.zeros((n, b, 6, len(units)))
     for part in parts:
-        for body, wrench in part.on_bodies(tree, com):
+        for body, wrench in part.on_bodies(motion):
             columns[:, body, :, column[part.name]] += wrench
     return units, columns
 
@@ -90,16 +90,12 @@ def balance_amounts(units: Iterable[str], columns: Array, need: Array, length: f
     return np.asarray(linear.solve(system, right) * size[:, None])
 
 
-def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[JointWrench]:
-    """Yield unit wrenches of all components of ``reaction``, couplings last, or of ``actuator_force``.
-
-    Args:
-        q: Joint coordinates. Shape (n, n_q).
-    """
-    mechanism, none = tree.mechanism, np.zeros(3)
+def unit_wrenches(motion: TreeMotion[MechanismTree], quantity: str) -> Iterator[JointWrench]:
+    """Yield unit wrenches of all components of ``reaction``, couplings last, or of ``actuator_force``."""
+    mechanism, none = motion.tree.mechanism, np.zeros(3)
     driven = dict(zip(mechanism.actuators, mechanism.actuator_names, strict=False))
     for joint in driven if quantity == "actuator_force" else mechanism.joints:
-        near, far, point = _frames(tree, motion, joint)
+        near, far, point = _frames(motion, joint)
         parts = {
             f"{joint.name}.{label}": (label[0], along)
             for label, along in constrained_directions(joint, near, far).items()
@@ -111,27 +107,28 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
             force, moment = (along, none) if pushes else (none, along)
             yield JointWrench(name, "N" if pushes else "N m", joint, force, moment, point)
     if quantity == "reaction":
-        yield from _of_couplings(tree, motion, q)
+        yield from _of_couplings(motion)
     elif held_names := mechanism.actuator_names[len(driven) :]:
-        yield from (coordinate_wrench(tree, motion, q, name, np.ones(len(q))) for name in held_names)
+        yield from (coordinate_wrench(motion, name, np.ones(len(motion.states.q))) for name in held_names)
 
 
-def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[JointWrench]:
+def _of_couplings(motion: TreeMotion[MechanismTree]) -> Iterator[JointWrench]:
     """Yield workless wrenches of couplings: 1 along the coordinate, minus the slope along each other coordinate."""
-    rows, mechanism = coupling_rows(tree, q), tree.mechanism
+    rows, mechanism = coupling_rows(motion), motion.tree.mechanism
     for k, one in enumerate(mechanism.couplings):
         names = one.named
         unit = "N m" if mechanism.units[mechanism.columns(names)[0]] == "rad" else "N"
         shares = zip(names, rows[:, k, mechanism.columns(names)].T, strict=True)
         for share in shares:
-            yield replace(coordinate_wrench(tree, motion, q, *share), name=component_name(one), unit=unit)
+            yield replace(coordinate_wrench(motion, *share), name=component_name(one), unit=unit)
 
 
-def coordinate_wrench(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> JointWrench:
+def coordinate_wrench(motion: TreeMotion[MechanismTree], coordinate: str, amount: Array) -> JointWrench:
     """Return a force along a coordinate that does no work on the joint's other coordinates. `amount`: shape (n,)."""
-    joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
-    near, _, point = _frames(tree, motion, joint)
-    unit = force_along(joint, coordinate, near, q[:, tree.mechanism.columns(joint.coordinates)])
+    mechanism = motion.tree.mechanism
+    joint = next(joint for joint in mechanism.joints if coordinate in joint.coordinates)
+    near, _, point = _frames(motion, joint)
+    unit = force_along(joint, coordinate, near, motion.states.q[:, mechanism.columns(joint.coordinates)])
     force, moment = (amount[:, None] * part for part in unit)
     turns = joint.freedoms[joint.coordinates.index(coordinate)][0]
     return JointWrench(coordinate, "N m" if turns else "N", joint, force, moment, point)
@@ -154,9 +151,9 @@ def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, 
     return (np.zeros_like(one), one) if kinds[i] == "hinge" else (one, np.zeros_like(one))
 
 
-def _frames(tree: MechanismTree, motion: TreeMotion, joint: Joint) -> tuple[Array, Array, Array]:
+def _frames(motion: TreeMotion[MechanismTree], joint: Joint) -> tuple[Array, Array, Array]:
     """Return the world axes of a joint's frames on parent and child, and the origin of the child's frame."""
-    R, p = motion.links.poses(stack_frames([tree.on(body, frame) for body, frame in joint.sides]))
+    R, p = motion.links.poses(stack_frames([motion.tree.on(body, frame) for body, frame in joint.sides]))
     return R[:, 0], R[:, 1], p[:, 1]
 
 
@@ -196,9 +193,7 @@ def _directions(what: str, joint: Joint, near: Array, far: Array) -> dict[str, A
 
 
 def exerted_wrenches(
-    tree: MechanismTree,
-    motion: TreeMotion,
-    states: TreeStates,
+    motion: TreeMotion[MechanismTree],
     t: Array,
     applied: Applied,
     resist: Sequence[Resistance] | None = None,
@@ -212,9 +207,9 @@ def exerted_wrenches(
         Index of a body, ground excluded; force and moment, shape (n, 3) or (3,); and the vector from the centre of mass
         to the point at which the force acts, shape (n, 3).
     """
-    com, index, mechanism = motion.com, tree.mechanism.body_index, tree.mechanism
+    com, mechanism, states = motion.com, motion.tree.mechanism, motion.states
     for load in applied.loads:
-        i = index[load.body] - 1
+        i = mechanism.body_index[load.body] - 1
         point = mechanism.bodies[i].com if load.point is None else load.point
         yield i, *load_in_world(load, t, com.R[:, i]), times(com.R[:, i], point - mechanism.bodies[i].com)
     resisting = (
@@ -222,13 +217,13 @@ def exerted_wrenches(
         for one in (mechanism.resistances if resist is None else resist)
     )
     for each in (*_joint_forces(mechanism, states, t, applied), *resisting):
-        act = coordinate_wrench(tree, motion, states.q, *each)
+        act = coordinate_wrench(motion, *each)
         for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
-            if (i := index[side] - 1) >= 0:
+            if (i := mechanism.body_index[side] - 1) >= 0:
                 yield i, sign * act.force, sign * act.moment, act.point - com.p[:, i]
     for spring in applied.springs:
         if isinstance(spring, PointSpring):
-            yield from _pull(spring, tree, motion, t)
+            yield from _pull(spring, motion, t)
 
 
 def load_in_world(load: Load, t: Array, R: Array) -> tuple[Array, Array]:
@@ -257,16 +252,14 @@ def _over_time(course: Course | Samples, t: Array) -> Array:
 
 
 def exerted_on_bodies(
-    tree: MechanismTree,
-    motion: TreeMotion,
-    states: TreeStates,
+    motion: TreeMotion[MechanismTree],
     t: Array,
     applied: Applied,
     resist: Sequence[Resistance] | None = None,
 ) -> Array:
     """Return the sum of `exerted_wrenches` on each body, with moments about the centre of mass. (n, n_body, 6)."""
-    total = np.zeros((len(t), len(tree.mass), 6))
-    for body, force, moment, arm in exerted_wrenches(tree, motion, states, t, applied, resist):
+    total = np.zeros((len(t), len(motion.tree.mass), 6))
+    for body, force, moment, arm in exerted_wrenches(motion, t, applied, resist):
         total[:, body, :3] += force
         total[:, body, 3:] += moment + cross(arm, np.broadcast_to(force, arm.shape))
     return total
@@ -302,34 +295,35 @@ def joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Ap
 
 
 def _pull(
-    spring: PointSpring, tree: MechanismTree, motion: TreeMotion, t: Array
+    spring: PointSpring, motion: TreeMotion[MechanismTree], t: Array
 ) -> Iterator[tuple[int, Array, Array, Array]]:
     """Yield the forces of a point spring on its bodies, along the line between its points."""
-    way, rate = _line(spring, tree, motion)
+    (way, rate), mechanism = _line(spring, motion), motion.tree.mechanism
     length = np.linalg.norm(way, axis=1)
     if not (length > 0.0).all():
         raise spring.no_direction(f" at t = {t[np.argmin(length)]:g} s")
     line = way / length[:, None]
     tension = spring.stiffness * (length - spring.rest) + spring.damping * np.sum(line * rate, axis=1)
     for (body, point), sign in zip(spring.ends, (1.0, -1.0), strict=True):
-        if (i := tree.mechanism.body_index[body] - 1) >= 0:
-            arm = times(motion.com.R[:, i], point - tree.mechanism.bodies[i].com)
+        if (i := mechanism.body_index[body] - 1) >= 0:
+            arm = times(motion.com.R[:, i], point - mechanism.bodies[i].com)
             yield i, sign * tension[:, None] * line, np.zeros(3), arm
 
 
-def _line(spring: PointSpring, tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
+def _line(spring: PointSpring, motion: TreeMotion[MechanismTree]) -> tuple[Array, Array]:
     """Return the vector from the first point to the second, and its rate. Shape (n, 3) each."""
-    ends = motion.links.frames(stack_frames([tree.body_frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
+    frames = motion.tree.body_frames
+    ends = motion.links.frames(stack_frames([frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
     return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]
 
 
-def spring_energy(tree: MechanismTree, motion: TreeMotion, q: Array, applied: Applied) -> Array:
+def spring_energy(motion: TreeMotion[MechanismTree], applied: Applied) -> Array:
     """Return the energy stored in springs [J]. Shape (n,)."""
-    stored = np.zeros(len(q))
+    stored = np.zeros(len(motion.states.q))
     for spring in applied.springs:
         if isinstance(spring, JointSpring):
-            stretch = q[:, tree.mechanism.coordinates.index(spring.coordinate)] - spring.rest
+            stretch = motion.states.q[:, motion.tree.mechanism.coordinates.index(spring.coordinate)] - spring.rest
         else:
-            stretch = np.linalg.norm(_line(spring, tree, motion)[0], axis=1) - spring.rest
+            stretch = np.linalg.norm(_line(spring, motion)[0], axis=1) - spring.rest
         stored += 0.5 * spring.stiffness * stretch**2
     return stored

@@ -12,13 +12,14 @@ from screwgauge.judging.answer import answer_at
 from screwgauge.judging.assembly_modes import in_one_chart
 from screwgauge.judging.compare import compare
 from screwgauge.judging.coverage import NOTHING, coverage
-from screwgauge.judging.judge import admitted_motion, judge
+from screwgauge.judging.judge import judge
 from screwgauge.judging.left_out import measured_parts
 from screwgauge.judging.trust import flag_samples
 from screwgauge.quantities import GIVEN
 from screwgauge.solution import Solution
 from screwgauge.study import left_out as measure
 from screwgauge.study.reference_values import Reference, deviation, reference_values, score
+from screwgauge.witness.constraints import admissible_motion
 from screwgauge.witness.wrenches import constrained_directions as exerted
 from support.freedoms import mobility_at_home
 

@@ -34,7 +34,7 @@ def parameters(mass: Array, com: Array, inertia: Array) -> Array:
     return np.concatenate([mass[..., None], first, entries], axis=-1)
 
 
-def inertial_regressor(tree: ReadingTree, motion: TreeMotion) -> Array:
+def inertial_regressor(tree: ReadingTree, motion: TreeMotion[ReadingTree]) -> Array:
     """Forces of unit parameters.
 
     Returns:
@@ -74,7 +74,7 @@ def passive_regressor(tree: ReadingTree, states: TreeStates) -> dict[str, Array]
     }
 
 
-def gravity_regressor(tree: ReadingTree, motion: TreeMotion) -> Array:
+def gravity_regressor(tree: ReadingTree, motion: TreeMotion[ReadingTree]) -> Array:
     share = -(tree.weight * tree.mass)
     rates = motion.jacobian(tree.bodies, motion.com.p)[:, :, 3:]
     return np.asarray(np.einsum("b,nbkj->njk", share, rates))

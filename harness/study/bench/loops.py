@@ -166,7 +166,7 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
     """Return loop gap, constraint forces, energy and joint positions, placing bodies by the tree coordinates."""
     rows = np.arange(len(solution.condition))
     answer = answer_at(question.mechanism, question.problem, solution, rows)
-    gaps = np.linalg.norm(closure_residuals(answer.tree, answer.motion)[0], axis=2)
+    gaps = np.linalg.norm(closure_residuals(answer.motion)[0], axis=2)
     return {
         "loop_gap": Values(("largest",), ("m",), gaps.max(axis=1)[:, None]),
         "constraint_force": solution.values["reaction"],

@@ -113,7 +113,7 @@ def pull_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     for _ in range(3):  # fixed-point iteration, because the matrix is that of closed loops
         v[:, tree] = w * size[tree]
         moving = move(witness, TreeStates(q, v, at_rest))
-        rate = closure_residuals(witness, moving)[1].reshape(len(q), m)
+        rate = closure_residuals(moving)[1].reshape(len(q), m)
         right = np.concatenate([parting - rate / system.length, yd - (A[:, m:] @ w[..., None])[..., 0]], axis=1)
         w = w + linear.solve(A, right[..., None])[..., 0]
     v[:, tree] = w * size[tree]

@@ -350,8 +350,9 @@ def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
     return loops_of(mechanism, "minimal").tree
 
 
-def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
+def closure_residuals(motion: TreeMotion[MechanismTree]) -> tuple[Array, Array]:
     """Return the distances [m] and velocities [m/s] between the points that close the loops, child minus parent."""
+    tree = motion.tree
     closures = loops_of(tree.mechanism, "minimal").closures
     parent, child = (
         motion.links.frames(
