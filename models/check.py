@@ -79,7 +79,7 @@ def _keys(what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> Chec
 
 
 def _common(expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
-    """Return the items that are present in both."""
+    """Return name, expected and actual value of each item that both mappings contain."""
     return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 
 

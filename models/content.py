@@ -242,7 +242,7 @@ class _ElementWalk:
     kinds: tuple[str, ...] = _KINDS
 
     def walk(self, root: ET.Element) -> Iterator[Extra]:
-        """Yield all extras of a file; iterate because elements may be nested deeper than Python's call stack."""
+        """Yield all extras of a file; do not recurse, since elements may be nested deeper than Python's call stack."""
         bare = {tag: {*names.split()} for tag, names in self.table.get("bare", {}).items()}
         if any(True for default in root.iter("default") for _ in default.iter("tendon")):
             bare = {}  # default classes may give the element further attributes

@@ -18,7 +18,7 @@ from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array, rotation, skew
 
 #: Limits to write for a joint without limits. URDF requires limits except for "continuous" joints, but Pinocchio uses
-#: two coordinates (cosine and sine) for the angle of those.
+#: two coordinates (cosine and sine) for the angle of such a joint.
 WIDE = 1e3
 #: Entries of an inertia tensor, in MJCF order; the order in URDF differs.
 TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}

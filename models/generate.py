@@ -84,7 +84,7 @@ def keep_models(
 def write_models(
     mechanism: Mechanism, out: Path, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> list[Path]:
-    """Write the model files into a folder; move them there only after all have been written.
+    """Write the model files to a temporary folder, and move them to `out` only after all of them have been written.
 
     Raises:
         OutputError: The folder cannot be written.

@@ -42,7 +42,7 @@ NAMED = 3
 
 
 def check_home(mechanism: Mechanism) -> Layout:
-    """Reject a mechanism whose loops are open at home, or whose chosen independent coordinates are not independent.
+    """Reject a mechanism whose loops are open at the home pose, or whose independent coordinates are dependent.
 
     Raises:
         ClosureError: A loop is open at the home pose, or a coupling is violated there.
@@ -95,7 +95,7 @@ def _check_couplings(mechanism: Mechanism, length: float) -> None:
 
 
 def at_closed_home(mechanism: Mechanism) -> Mechanism:
-    """Return the mechanism unchanged if its loops close at home, or else with a solved home pose and a remark.
+    """Return the mechanism unchanged if its home pose closes the loops, or else with a solved home pose and a remark.
 
     Independent coordinates keep their values if a regular pose within limits closes the loops there; the remaining
     coordinates move as little as possible.
@@ -138,8 +138,8 @@ def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Me
         if closed is not None and (np.abs(closed[0] - home) / system.sizes).max(initial=0.0) < FAR:
             home, reached = closed[0], goal
         elif (step := 0.5 * step) < SHORTEST:
-            what = "with these numbers no pose near home closes the loops"
-            raise ClosureError(what, mechanism.where, "change them less, or together")
+            what = "no pose near the home pose closes the loops with these numbers"
+            raise ClosureError(what, mechanism.where, "change the numbers less, or together")
     return _at_home(changed(1.0), home)
 
 
@@ -153,7 +153,7 @@ def _is_regular(mechanism: Mechanism) -> bool:
 
 
 def _solve_home(mechanism: Mechanism) -> Mechanism:
-    """Return the mechanism with the best pose that closes its loops as home pose."""
+    """Return the mechanism; its home pose is the best pose that closes the loops."""
     free = Loops(tree_of(with_limits(expected_reading(mechanism, "full", GRAVITY), mechanism)))
     held = replace(free, held=frozenset(mechanism.independent.values()))
     solved, open_by = list[tuple[int, Mechanism]](), list[str]()
@@ -179,7 +179,7 @@ def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
     """Find the poses that close all loops, best first, and the pose that comes nearest to closing them.
 
     Args:
-        held: Loops with locked independent coordinates; the condition of these loops ranks the poses.
+        held: Loops with locked independent coordinates; the conditioning of these loops ranks the poses.
     """
     poses, nearest, smallest = list[Home](), loops.home, np.inf
     (first, *others), few = starts(loops, {}), min(FEW, 1 + WORK // len(loops.size))
@@ -204,7 +204,7 @@ def _is_fine(pose: Home) -> bool:
 
 
 def _rank(pose: Home, *, free: bool) -> tuple[Any, ...]:
-    """Return a sort key for poses: distance from home, preceded by the condition if all coordinates are free."""
+    """Return a sort key for poses: the distance from home, after the conditioning if all coordinates are free."""
     *regular, condition, distance = pose.key()
     return (*regular, condition if free else 0.0, round(distance, 6), *np.round(-pose.q, 6))
 
@@ -229,7 +229,7 @@ def _places(loops: Loops, q: Array) -> Array:
 
 
 def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
-    """Convert a reading's coordinates to the mechanism's; keep home values of joints outside loops. Shape (n_q,)."""
+    """Convert coordinates of a reading to mechanism coordinates, except for joints outside loops. Shape (n_q,)."""
     names, moved = [*loops.tree.places], mechanism.home.copy()
     values = np.where(loops.closing, q, loops.home)
     moved[mechanism.columns(mechanism.moving)] = values[[names.index(name) for name in mechanism.moving]]
@@ -237,13 +237,13 @@ def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
 
 
 def _at_home(mechanism: Mechanism, q: Array) -> Mechanism:
-    """Return the mechanism with the given joint coordinates, shape (n_q,), as home."""
+    """Return the mechanism with the given joint coordinates, shape (n_q,), as its home pose."""
     joints = (replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints)
     return replace(mechanism, joints=tuple(joints))
 
 
 def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
-    """Close the loops of a nearly closed home pose to rounding by adjusting the moved coordinates. Shape (n_q,)."""
+    """Close loops that are nearly closed at home to rounding error by adjusting the moved coordinates. Shape (n_q,)."""
     system, home = loop_equations(layout(mechanism)), mechanism.home
     closed = system.correct(home, home[mechanism.independent_columns])
     home = home if closed is None else np.where(moved, closed[0], home)
@@ -255,13 +255,16 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
     size, names = loop_equations(layout(mechanism)).sizes, mechanism.coordinates
     way = home - mechanism.home
     most = int(np.argmax(np.abs(way) / size))
-    sentence = f"home was solved for: moved by up to {abs(way[most]):.2g} {mechanism.units[most]} ('{names[most]}')"
+    sentence = (
+        f"the home pose was solved for: moved by up to {abs(way[most]):.2g} {mechanism.units[most]} ('{names[most]}')"
+    )
     if labels := [
         label for label, c in zip(mechanism.independent, mechanism.independent_columns, strict=True) if way[c]
     ]:
         as_written = mechanism.described(mechanism.home[mechanism.independent_columns])
         sentence = (
-            f"{sentence}, {' and '.join(labels)} too, as no regular pose within limits closes the loops at {as_written}"
+            f"{sentence}, including {' and '.join(labels)}, as no regular pose within limits closes the loops "
+            f"at {as_written}"
         )
     if others:
         apart = [(other, int(np.argmax(np.abs(other - home) / size))) for other in others]
@@ -269,6 +272,6 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
         other, c = apart[0]
         joint = next(joint for joint in mechanism.joints if names[c] in joint.coordinates)
         written = ", ".join(f"{x:.3g}" for x in other[mechanism.columns(joint.coordinates)])
-        found = f"the nearest of {len(others) + 1} closing poses found (elsewhere {first_few(poses, NAMED)}"
-        sentence = f"{sentence}, {found}; to go there, write home = [{written}] in joint '{joint.name}')"
+        found = f"to the nearest of {len(others) + 1} closing poses found (others have {first_few(poses, NAMED)}"
+        sentence = f"{sentence}, {found}; to use the first of these, write home = [{written}] in joint '{joint.name}')"
     return sentence

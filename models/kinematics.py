@@ -34,13 +34,13 @@ _PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReadingTree(SpanningTree):
-    """A reading as a tree with one link per joint, in joint order; hinges and slides have world axes at home.
+    """A reading as a tree with one link per joint, in joint order; at home, hinges and slides have world axes.
 
     Attributes:
         reading: The reading itself.
         places, freedoms: Joint -> slice of its coordinates, see `witness.tree.COORDINATES`, and slice of its
             velocities. The coordinate of a hinge or slide is measured as in its file.
-        frames: Index of each ball or free joint -> frame that the joint carries, at home. Shape (4, 4).
+        frames: Index of each ball or free joint -> frame that the joint carries, at the home pose. Shape (4, 4).
     """
 
     reading: Reading
@@ -96,7 +96,7 @@ def tree_of(reading: Reading) -> ReadingTree:
 
 
 def _carried_frame(joint: JointReading, pose: Array) -> Array:
-    """Return the frame that a joint carries at home: world axes for a hinge or slide, body axes for other joints."""
+    """Return the frame that a joint carries at the home pose: with world axes for a hinge or slide, else body axes."""
     if FREEDOMS[joint.kind] == 1:
         return matrix(joint.centre, np.eye(3))
     return pose if joint.kind == "free" else matrix(joint.centre, pose[:3, :3])
@@ -122,7 +122,7 @@ def size(reading: Reading) -> float:
 
 
 def length_of(reading: Reading) -> float:
-    """Return twice the largest distance of a point of the reading from the centroid at home [m], or 1 if it is zero."""
+    """Return twice the largest distance of a point from the centroid at the home pose [m], or 1 if all coincide."""
     points = [body.centre for body in reading.bodies.values()]
     points += [body.pose[:3, 3] for body in reading.bodies.values()] + [np.zeros(3)]
     cloud = np.array([*points, *(joint.centre for joint in reading.joints.values())])
@@ -166,7 +166,7 @@ def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
 
 
 def residual_at_home(tree: ReadingTree) -> dict[str, float]:
-    """Compute the largest entry in the gap of each closure at home [m, or rad for rotations of a weld]."""
+    """Compute the largest entry in the gap of each closure at the home pose [m, or rad for rotations of a weld]."""
     gaps = closure_gaps(move(tree, home(tree.reading)))
     return {name: float(np.abs(gap).max()) for name, gap in gaps.items()}
 
@@ -188,7 +188,7 @@ def rehome(
     """Move the home pose of a reading to different coordinates.
 
     Args:
-        q: Joint -> new coordinates, see `ReadingTree`; all other joints keep theirs.
+        q: Joint -> new coordinates, see `ReadingTree`; all other joints keep their coordinates.
 
     Returns:
         The reading, and the displacements of the parent of each joint and of each body. Shape (4, 4) each.

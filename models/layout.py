@@ -136,7 +136,7 @@ class Closure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tree:
-    """A cut mechanism. `links` are in depth-first order, each after its `near`; they do not include the ground."""
+    """A cut mechanism. `links` are in depth-first order, each link after its `near`; they do not include the ground."""
 
     mechanism: Mechanism
     cut: str

@@ -238,7 +238,7 @@ def fuse(machine: Machine, link: Link) -> Machine:
 
 
 def at_closed_pose(reading: Reading) -> Reading:
-    """Move the home of a reading to the nearest pose that closes its loops; keep it if no such pose is near."""
+    """Move the home pose of a reading to the nearest pose that closes its loops, unless no such pose is near."""
     tree = tree_of(reading)
     if max(residual_at_home(tree).values(), default=0.0) <= CLOSED * length_of(reading) and not reading.couplings:
         return reading
@@ -251,7 +251,7 @@ def at_closed_pose(reading: Reading) -> Reading:
 
 
 def graph_at_home(reading: Reading) -> Machine:
-    """Build the graph of a reading at home; keep massless bodies and leave the kinds of links empty."""
+    """Build the graph of a reading at its home pose; keep massless bodies and leave the kinds of links empty."""
     length = length_of(reading)
     rigid, pins = _sorted_closures(reading, length)
     owner, shift, joined = _owners([GROUND, *reading.bodies], rigid)

@@ -93,7 +93,7 @@ MOMENTS = "screwgauge.moments."
 
 
 def mass_properties(model: Any) -> tuple[Array, Array]:
-    """Return the masses, (n,), and principal moments, (n, 3), that the file of a model intends, see `MOMENTS`."""
+    """Return the masses, (n,), and principal moments, (n, 3), that a loaded model stands for, see `MOMENTS`."""
     masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
     names = {model.body(i).name: i for i in range(model.nbody)}
     for k in range(model.nnumeric):
@@ -127,7 +127,7 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
     if beyond:
         yield (
             f"MJCF: MuJoCo rejects A + B < C: the largest moment of {first_few(beyond, SHOWN)} is written as A + B; "
-            f"the engine mujoco restores the described one ({MOMENTS}... of <custom>) after loading, others do not"
+            f"the engine mujoco restores that moment ({MOMENTS}... of <custom>) after loading, other programs do not"
         )
     for name, its in moments.items():
         if name in beyond:
@@ -251,7 +251,7 @@ def _place(element: ET.Element, frame: Frame) -> None:
 
 
 def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> None:
-    """Add a joint to a body; MuJoCo applies the joints of a body in turn, each carried by the preceding ones.
+    """Add a joint to a body; MuJoCo applies the joints of a body in turn, each carried by the preceding joints.
 
     near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axis and anchor of the joint are expressed in the body frame.
     """
@@ -299,7 +299,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def why_not(coupling: Coupling) -> str:
-    """Return the reason why MJCF cannot express a coupling, or an empty string if it can."""
+    """Return the reason why MJCF cannot express a coupling, or an empty string if MJCF can express it."""
     function = coupling.function
     if len(function.terms) > 1:
         return "" if function.linear else "MuJoCo has no powers in equalities of several joints"

@@ -21,7 +21,7 @@ def relative(near: Array, far: Array) -> Array:
 
 
 def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
-    """Compute the displacement by a hinge or slide with a direction and a centre. Shapes (3,), (3,) -> (4, 4)."""
+    """Compute the displacement of a hinge or slide by `q`, given direction and centre. Shapes (3,), (3,) -> (4, 4)."""
     if kind == "slide":
         return matrix(q * direction, np.eye(3))
     R = rotation(direction, np.array(q))
@@ -39,7 +39,7 @@ def shortest_turn(way: Array, other: Array) -> Array:
 
 
 def shortest_step(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Compute the displacement of an axis (direction, point) to another without rotation about it. Shape (4, 4)."""
+    """Compute the displacement from one axis (direction, point) to another, without rotation about it. Shape (4, 4)."""
     R = shortest_turn(one[0], other[0])
     return matrix(other[1] - R @ one[1], R)
 

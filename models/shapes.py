@@ -162,7 +162,7 @@ def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str
     sliding axis, order of parent and child, and names do not matter. Lengths are relative to the first mechanism.
 
     Args:
-        unsigned: Joints of the other mechanism whose axes are undirected, e.g. axes in loops that points close.
+        unsigned: Joints of the other mechanism whose axes are undirected, e.g. axes in loops closed by points.
     """
     unit = length(layout(mechanism))
     known, there = _freedoms(mechanism, unit), _freedoms(other, unit)
@@ -190,7 +190,7 @@ def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str
 
 
 def _freedoms(mechanism: Mechanism, unit: float) -> list[tuple[Joint, Array, Array]]:
-    """Return each joint with the projector onto its motions at home, and with its screws [1, `unit`]."""
+    """Return each joint with the projector onto its motions at the home pose, and with its screws [1, `unit`]."""
     lay, found = layout(mechanism), list[tuple[Joint, Array, Array]]()
     at = pose(lay, mechanism.home[None])
     for joint in mechanism.joints:
@@ -318,7 +318,7 @@ def view_axes(direction: Array) -> Array:
 
 
 def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
-    """Return the joints with their positions and last axes in the world frame at home, in mechanism lengths."""
+    """Return the joints with their world positions and last axes at the home pose, in mechanism lengths."""
     lay = layout(mechanism)
     at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
     found = list[tuple[Joint, Array, Array]]()

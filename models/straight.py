@@ -20,7 +20,7 @@ PART, NAMED = 0.05, 9
 
 
 def singular_joints(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the joints whose motion at home opens the loops to second order; empty if the home pose is regular.
+    """Return joints whose motion at the home pose opens loops to second order; empty if the home pose is regular.
 
     Constraints that are dependent only at home, ``l G = 0``, do not prevent rates with ``G v = 0``; a finite motion
     exists only where ``l dG(v) v = 0``.

@@ -80,7 +80,7 @@ def test_a_run_says_once_that_home_was_solved_for(four_bar, inside, command):
     said = command(
         "run", four_bar(c=f"home = [{0.9 * apex(1.0)[1]}]"), "--engines", "screw", "--quantities", "joint_position"
     )
-    assert " ".join((said.out + said.err).split()).count("home was solved for") == 1
+    assert " ".join((said.out + said.err).split()).count("the home pose was solved for") == 1
 
 
 def test_a_pose_within_limits_comes_before_a_nearer_one(four_bar):
@@ -177,8 +177,8 @@ def test_every_engine_begins_at_the_home_that_was_solved_for(four_bar, write, co
     engines = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "truth")
     solved, written = (screwgauge.run(one, engines, ("joint_position", "reaction")) for one in (rough_scene, scene))
     assert solved.ok
-    assert any("home was solved for" in sentence for sentence in solved.warnings)
-    assert not any("home was solved for" in sentence for sentence in written.warnings)
+    assert any("home pose was solved for" in sentence for sentence in solved.warnings)
+    assert not any("home pose was solved for" in sentence for sentence in written.warnings)
     for engine in engines:
         for quantity in ("joint_position", "reaction"):
             pair = (results.values(quantity, engine=engine) for results in (solved, written))
@@ -190,7 +190,7 @@ def test_a_gate_passes_and_lists_it(four_bar, write, command):
     outcome = screwgauge.check(write("turn.toml", TURN))
     assert outcome.ok
     assert "OK: 1 of 1 pass" in repr(outcome)
-    assert "turn: home was solved for" in " ".join(repr(outcome).split())
+    assert "turn: the home pose was solved for" in " ".join(repr(outcome).split())
 
 
 def test_import_writes_home_into_the_text_of_the_user(four_bar, command, inside):
@@ -199,7 +199,7 @@ def test_import_writes_home_into_the_text_of_the_user(four_bar, command, inside)
     text, written = path.read_text(), (inside / "closed.toml").read_text()
     assert same_content(load_mechanism(inside / "closed.toml"), load_mechanism(path))
     assert not load_mechanism(inside / "closed.toml").remarks
-    bare = re.sub(r"(?m)^# (Home|As screw|to go there).*\n|^#.*closing poses.*\n", "", written)
+    bare = re.sub(r"(?m)^# (The home pose|As screw).*\n|^#.*(closing poses|first of these).*\n", "", written)
     for place in (r"home = \[[^\[\]]*\],? ?", r"(?m)^\n"):
         text, bare = re.sub(place, "", text), re.sub(place, "", bare)
     assert bare == text

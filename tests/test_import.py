@@ -66,7 +66,7 @@ def test_an_arm_moves_as_its_file_says(tmp_path):
     elbow = mechanism.joint("elbow-joint")
     assert elbow.limits.tolist() == [[0.5, 2.5]]
     assert elbow.home[0] == pytest.approx(0.8)
-    assert any("'elbow-joint' the most, by 0.8" in sentence for sentence in imported.remarks)
+    assert any("'elbow-joint' moves the most, by 0.8" in sentence for sentence in imported.remarks)
     scene = screwgauge.load_scene(path)
     assert scene.applied.springs == ()
     results = screwgauge.run(scene.at(scene.t[:3]))

@@ -86,10 +86,10 @@ _SHARE = 1e-5
 def turn_and_way(
     step: Array, axes: Sequence[Axes], length: float, turned: str = "turned", *, brief: bool = False
 ) -> str:
-    """Format a rotation [rad] and a translation [m] with their directions; omit either if it vanishes. Shape (2, 3).
+    """Format a rotation [rad] and a translation [m] with directions; omit whichever of the two vanishes. Shape (2, 3).
 
     Args:
-        length: Size of the machine [m], which makes a rotation and a translation comparable.
+        length: Length of the machine [m], by which translations are divided to compare them with rotations.
         brief: Omit vectors.
     """
     angle, way = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1])) / length
@@ -102,7 +102,7 @@ def turn_and_way(
 
 
 def step_in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False) -> str:
-    """Format a step along one axis with its sign, and any other step as its size and its vector in the first axes.
+    """Format a step along one axis with its sign, and any other step as its magnitude and a vector in the first axes.
 
     Args:
         step: Step in A's world frame [rad or m]. Shape (3,).
@@ -181,7 +181,7 @@ def format_change(a: float, b: float) -> str:
 
 
 def _tensors(a: Array, b: Array) -> str:
-    """Format the only entry that differs, or else the principal moments, or a change in the axes alone."""
+    """Format the difference between two tensors: the only differing entry, a change of axes, or principal moments."""
     apart = np.triu(np.abs(a - b))
     entries = np.argwhere(apart > 1e-6 * apart.max())
     if len(entries) == 1:

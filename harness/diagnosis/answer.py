@@ -77,7 +77,7 @@ class ToldCause:
         family: ``geometry``, ``inertia``, ``rotor``, ``friction``, ``spring``, ``actuator``, ``limit``, ``loop``,
             ``environment`` or ``content``; empty for rounding.
         differences: Indices of its differences.
-        slips: Phrases that name likely mistakes behind it.
+        slips: Phrases that name the likely mistakes behind the cause.
     """
 
     name: str
@@ -308,8 +308,8 @@ SLIPS: Mapping[str, str] = {
     "turned twice": "{it} is turned once too often by its orientation in {0}",
     "turned transposed": "{it} is turned by the transpose of its orientation in {0}",
     "meant transposed": "{it} is turned by its orientation in {0} instead of by the transpose",
-    "products of other sign": "products of inertia have the opposite sign",
-    "product of other sign": "the product of inertia {0} has the opposite sign",
+    "products of opposite sign": "products of inertia have the opposite sign",
+    "product of opposite sign": "the product of inertia {0} has the opposite sign",
     "no products": "products of inertia are left out",
     "urdf order": "the entries of {it} are in URDF order instead of MJCF order",
     "mjcf order": "the entries of {it} are in MJCF order instead of URDF order",
@@ -326,9 +326,9 @@ SLIPS: Mapping[str, str] = {
     "total kept": "masses are scaled to a total of {0:.6g} kg in both, as MuJoCo's settotalmass does",
     "joint order": "from the ground outwards {0} in A, {1} in B{2}",
     "exchanged": "the {noun} of {0} and the {noun} of {1} are exchanged",
-    "before the gear": "the {noun} of {0} is the motor's, before the gear of {1:.6g}",
-    "gear once": "the {noun} of {0} is reduced by the gear of {1:.6g}, not by its square",
-    "missing part": "{part} lacks {0}, which is missing in {1}",
+    "before the gear": "the {noun} of {0} is given on the motor side of the gear, whose ratio is {1:.6g}",
+    "gear once": "the {noun} of {0} is scaled by the gear ratio {1:.6g}, not by its square",
+    "missing part": "{part} lacks the mass properties of {0}, which is missing in {1}",
     "merged without rotation": "{0} is merged into {part} in {1} without its rotation",
     "merged transposed": "{0} is merged into {part} in {1} with its rotation transposed",
     "merged without position": "{0} is merged into {part} in {1} without its position",

@@ -34,7 +34,7 @@ class Deadline:
     def __post_init__(self) -> None:
         if not self.seconds > 0.0:
             raise DescriptionError(
-                f"the limit must be positive, got {self.seconds:g} s", "--limit", "pass a positive number of s"
+                f"the limit must be positive, got {self.seconds:g} s", "--limit", "pass a positive number of seconds"
             )
         self._end = self.clock() + self.seconds
 

@@ -59,12 +59,12 @@ def diagnose(
     """Compare two models; see `screwgauge.api.diagnose` for arguments and errors.
 
     Args:
-        a, b: Files or names, or copies by `model.weigh_side` with mass from meshes.
+        a, b: Files or names, or copies that `model.weigh_side` made with mass from meshes.
     """
     check_seed(seed)
     deadline = Deadline(limit)
     if not isinstance(map, str | Path | Mapping | None):
-        raise DescriptionError(f"{shown(map)} is neither a file nor a table of names", "map", "pass either")
+        raise DescriptionError(f"{shown(map)} is neither a file nor a table of names", "map", "pass a file or a table")
     if only and only not in ONLY:
         raise UnknownNameError("part of a comparison", only, ONLY, "only")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map
@@ -120,7 +120,7 @@ def _share_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
 
 
 def _is_outside_torques(found: Findings) -> bool:
-    """Return True if no difference concerns anything on which torques of bodies and joints depend."""
+    """Return True if the torques of bodies and joints do not depend on any property that differs."""
     outside = {*kinds(), "density", "viscosity"}
     return found.agrees or (bool(found.facts) and all(fact.what in outside for fact in found.facts))
 
@@ -161,7 +161,7 @@ def _mobility(models: Sequence[Model]) -> tuple[int, int] | None:
 
 
 def _origins(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
-    """Yield each joint of A with the way in which its partner was found."""
+    """Yield each joint of A and how its partner was found."""
     for name, partner in pair.joints.items():
         if names.joints.get(name) == partner.name:
             yield name, names.how.get(name, "name")

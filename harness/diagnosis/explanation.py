@@ -80,8 +80,8 @@ class Explanation:
     def plain(self) -> bool:
         """True if no explanation can be shorter: one cause, or conventions only.
 
-        A displacement on a round body may be a rotation of the whole machine, and so may differences between a left and
-        a right part.
+        A single displacement at a round body, or one difference shared by a left and a right part, may instead be a
+        rotation of the whole machine.
         """
         counting = self.whole is None and all(fact.kind == "convention" for fact in self.real)
         places = [fact.of for fact in self.real if fact.what == "placement"]
@@ -92,7 +92,8 @@ class Explanation:
     def _settled(self) -> bool:
         """True if all parts have the same placement, which rules out a shorter alignment.
 
-        A body with a different mass may have a different centre of mass; most masses may be in a different unit.
+        Differences in centre of mass are allowed in bodies with different masses, unless most masses differ: then the
+        unit of mass may differ.
         """
         heavy = {fact.part for fact in self.real if fact.what == "mass"}
         elsewhere = any(
@@ -123,7 +124,7 @@ def explain(
 
 
 def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]:
-    """Yield explanations with B as it is, moved as a whole, aligned by geometry alone, or by its ground links."""
+    """Yield explanations with B as it is, moved as a whole, aligned by geometry alone, or aligned by ground links."""
     theirs = machine_of(b)
     for believed in Believed:
         yield compare_machines(a, theirs, names, believed)

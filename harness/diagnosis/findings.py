@@ -36,7 +36,7 @@ class Findings:
         torques: Largest effect of all facts on the torques of A; `by_joint`: scaled effect on each component.
         mobility: Degrees of freedom of A and of B with closed loops; None without loops.
         agreement: Difference in the dynamics of both readings, if nothing else differs.
-        together: Difference in the libraries' dynamics as loaded; if None, `why_not` gives the reason.
+        together: Difference in the dynamics that libraries compute from the loaded files; if None, see `why_not`.
         left_out: Work that was skipped because the time limit of `limit` seconds was reached.
         only: The only group of properties that was compared; empty for all.
     """
@@ -98,7 +98,7 @@ class Findings:
 
 SCHEMA = 3
 #: Quantity in which the shares of causes are measured.
-SCALE = "projection on the torque difference at random states, torques of each unit over the largest of it"
+SCALE = "projection onto the torque difference at random states, torques divided by the largest of the same unit"
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:

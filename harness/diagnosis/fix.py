@@ -151,7 +151,7 @@ def _derived_ends(target: Reading) -> Iterator[Change]:
 
 
 def _convert(change: Change, X: Array, written: Reading, posed: Reading) -> Change:
-    """Convert a change to a joint on a body that is displaced by X, shape (4, 4), to the pose of the file."""
+    """Convert a change to the pose of the file; the changed joint is on a body displaced by X, shape (4, 4)."""
     value = change.value
     if change.what in ("placement", "seat"):
         value = np.linalg.inv(X) @ value @ X

@@ -1,4 +1,4 @@
-"""Compares torques: each library's with the dynamics of its reading, and both libraries' for the loaded files.
+"""Compares each library's torques with the dynamics of its reading, and the torques of both libraries as loaded.
 
 Torques are compared along the motions that loops allow, where they do not depend on constraint forces and cuts.
 """
@@ -137,7 +137,7 @@ class LibraryCheck:
         side: ``A`` or ``B``.
         scaled: Quantity -> largest difference from the dynamics of the reading, divided by the largest magnitude.
         omits: Forces that the library's inverse dynamics omit.
-        adds: Forces that they contain in addition to inertial forces and weight.
+        adds: Forces that the inverse dynamics contain in addition to inertial forces and weight.
         failed: Error message; empty if the library succeeded.
     """
 
@@ -219,7 +219,7 @@ def compare_libraries(models: tuple[Model, Model], pair: Pair, seed: int) -> tup
     except (ScrewgaugeError, ValueError, LookupError) as error:
         return None, str(error)
     if found is None:
-        return None, "B does not follow A at any random state"
+        return None, "B cannot follow A's motion at any of the sampled states"
     row, largest, n = found
     calls = ["" if model.retyped else CALLS.get(model.library, "") for model in models]
     return Together(row, largest, (calls[0], calls[1]), n), ""
@@ -244,7 +244,7 @@ def _largest_difference(
     """Return the largest difference in torque, the largest torque of the same unit, and the number of states.
 
     Args:
-        models: Models whose libraries compute the torques; by default, they are computed from the readings.
+        models: Models whose libraries compute the torques; by default, torques are computed from the readings.
     """
     torques = Torques(with_gravity(pair.a.reading), seed)
     sides = (pair.a.reading, namesakes(pair.a.reading)), (pair.b.reading, partners_of(pair))
@@ -271,7 +271,7 @@ def _states(torques: Torques) -> TreeStates:
 def _torques_along(
     torques: Torques, reading: Reading, partners: Partners, of: _Dynamics
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return torques of a reading that follows A, along A's velocities, and success flags. (n, n_freedom), (n,)."""
+    """Return torques along A's velocities for a reading that follows A, and success flags. (n, n_freedom), (n,)."""
     tree = tree_of(with_gravity(reading))
     states, velocities, fits = follow(tree_of(torques.reading), _states(torques), tree, partners)
     return (np.swapaxes(velocities, 1, 2) @ of(tree, states)[..., None])[..., 0], fits

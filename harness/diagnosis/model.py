@@ -106,7 +106,7 @@ class Model:
         return {name: q for name, q in home.items() if name in self.reading.joints}
 
     def read_again(self, file: Path, load: Read) -> Reading:
-        """Read a different file in the place of the model's own, with the same library."""
+        """Read a different file instead of the model's file, using the same library."""
         reading = load(file, self.library, self.floating)
         return with_loops(reading, self.loops) if self.loops else reading
 
@@ -202,7 +202,7 @@ def loops_of_sides(
         return one, two
     given = list(loops) if isinstance(loops, Sequence) else []
     if len(given) != len(sides) or not all(each is None or isinstance(each, str | Path) for each in given):
-        raise DescriptionError(f"{shown(loops)} is not a loops file", "loops", "pass one file, or one for each side")
+        raise DescriptionError(f"{shown(loops)} is not a loops file", "loops", "pass one file, or one per model")
     one, two = (None if not each else Path(each) for each in given)
     return one, two
 

@@ -27,7 +27,7 @@ class Opened:
 
     Attributes:
         xml: Parsed text.
-        writer: Module that writes its format.
+        writer: Module that writes the format of the file.
         links: Links, parents first.
         owner: Body of each link; empty for links of the ground, and for massless links between two joints.
         reading: Reading of the file.
@@ -300,7 +300,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
     new = _change_parts(parts, old, body)
     if len(parts) > 1 and not all(part.possible for i, part in new.items() if part is not parts[i]):
         raise UnpatchableError(
-            f"'{name}' consists of several links, and neither one changed link nor all of them can yield the new values"
+            f"'{name}' consists of several links, and changing one link or all links cannot yield the new values"
         )
     for i, part in new.items():
         now = relative(body.pose, frames[i])

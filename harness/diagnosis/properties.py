@@ -150,7 +150,7 @@ class Property:
 
     Attributes:
         owner: Kind of part to which the property belongs.
-        shape: Shape of the value; None if the property cannot be changed by a value.
+        shape: Shape of the value; None if the property cannot be set to a value.
         unit: SI unit; for a joint, the unit for a rotation and, after a bar, the unit for a translation.
         noun: Noun, if it differs from the name of the property.
         part: True if the property is the presence of a part.
@@ -160,7 +160,7 @@ class Property:
         entry: Name of the entry in a reading, if it differs from the name of the property.
         write: Function that returns the reading with a new value for a part, if that changes more than one entry.
         cases: Library that ignores the property -> casebook entry.
-        call: Casebook entry on inverse dynamics that contain the property in one library but not in a second one.
+        call: Casebook entry on inverse dynamics that contain the property in one library but not in another library.
     """
 
     owner: Owner
@@ -302,7 +302,7 @@ def noun_of(what: str) -> str:
 
 
 def unit_of(what: str, joint: JointReading | None = None) -> str:
-    """Return the unit of a property, given the joint if the unit depends on whether it turns or slides."""
+    """Return the unit of a property, given the joint if the unit differs between hinges and slides."""
     turns, _, slides = PROPERTIES[what].unit.partition("|")
     unit = slides if slides and joint is not None and joint.kind == "slide" else turns
     return "" if unit == "1" else unit
@@ -328,7 +328,7 @@ _FIRST, _LAST = ("placement", "seat", "axis", "centre", "zero", "sign"), ("branc
 
 
 def sequence(several: Iterable[Any]) -> list[Change]:
-    """Collect the changes of facts, which are ordered from the ground outwards, in the order of application."""
+    """Collect the changes of facts in the order of application; the facts are ordered from the ground outwards."""
     changes = [change for each in several for change in each.changes]
     places = [change for change in changes if change.what in _FIRST]
     lost = [change for change in changes if change.what in _LAST]

@@ -155,7 +155,7 @@ def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
 
 
 def _outside(causes: Sequence[Cause]) -> Iterator[str]:
-    """Name differences on which torques do not depend."""
+    """Name the differences that do not affect torques."""
     whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
     if whats:
         yield f"Torques of bodies and joints omit {join(whats)}."
@@ -228,9 +228,9 @@ def _agreement(found: Findings) -> Iterator[str]:
     reading = found.a.reading
     agree = f"{count(len(reading.joints), 'joint')} and {count(len(reading.bodies), 'body', 'bodies')} agree"
     if found.agreement is not None:
-        agree += f", their {_force(found, several=True)} to {found.agreement.scaled:.1g} of the largest"
+        agree += f", as do their {_force(found, several=True)} (to {found.agreement.scaled:.1g} of the largest)"
     if found.together is not None and any(found.together.calls):
-        agree += f", the torques of the libraries as loaded to {found.together.row.scaled:.1g}"
+        agree += f" and the libraries' own torques as loaded (to {found.together.row.scaled:.1g})"
     withheld = [*not_compared(found)]
     if withheld:
         yield f"Not all compared: {_join(withheld)}."
@@ -257,7 +257,7 @@ def _witness(witness: LibraryCheck) -> str:
     book = f" (casebook: {CASES[name]})" if name in CASES else ""
     return (
         f"The {name.replace('_', ' ')} that {witness.library} computes for {witness.side} differs from its own reading "
-        f"of the file by {off:.2g} of the largest: the engine differs, not the model{book}."
+        f"of the file by {off:.2g} of the largest value: the engine differs, not the model{book}."
     )
 
 
@@ -309,7 +309,10 @@ def _of_side(model: Model, found: Findings) -> Iterator[str]:
     readings = (found.a.reading, found.b.reading)
     yield from (*model.remarks, *(remark.rstrip(".") for remark in model.reading.remarks))
     if model.open_by:
-        yield f"loops are open at home as written, {model.open_by}; compared at a pose that closes them"
+        yield (
+            f"loops are open at the home pose as written, {model.open_by}; "
+            "the comparison uses a pose that closes the loops"
+        )
     if model.reading.gravity is None:
         alone = all(each.gravity is None for each in readings)
         taken = f"{-STANDARD[2]:g} m/s^2 downwards" if alone else "the gravity of the other file"

@@ -62,7 +62,7 @@ def _units(reading: Reading) -> Array:
 
 
 def _reach(reading: Reading) -> float:
-    """Compute the largest distance of a body's centre of mass from the machine's, independent of frames [m]."""
+    """Compute the largest distance of a body's centre of mass from the machine's centre of mass, in any frame [m]."""
     bodies = [body for body in reading.bodies.values() if body.mass > 0.0]
     if not bodies:
         return 1.0
@@ -206,7 +206,7 @@ class Order:
     """Two different orders of the same joints.
 
     Attributes:
-        first, second: Joints in each order, by the names of the first.
+        first, second: Joints in each order; both use the names of the first model.
         sentence: Sentence that names the libraries, their orders and the error of a comparison by index.
         value: Largest difference between torques that are compared by index, in `unit`; `largest`: largest torque.
         joints: The joints at the index of that difference in the first and in the second order.
@@ -224,7 +224,7 @@ class Order:
 
 
 def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) -> Order | None:
-    """Compare the orders of the joints that two models share; None if they agree or if a model is a description.
+    """Compare the orders of the joints that two models share; None if the orders agree or a model is a description.
 
     Args:
         joints: Joint of A -> joint of B.
@@ -267,7 +267,7 @@ def _order(
     """Compare two orders of a reading's joints by the torques at the same random states.
 
     Args:
-        names: Joints in the second order, by the names of the second model.
+        names: Joints in the second order, as they are named in the second model.
         phrases: Library and joints of each order, as text.
     """
     first, second = orders

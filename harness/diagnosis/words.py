@@ -170,7 +170,7 @@ class Speaker:
         return [own.get(name, WORLD) for name in (*names, GROUND) if name in own or name == GROUND]
 
     def step(self, fact: Fact, turned: str = "turned") -> str:
-        """Describe a displacement in the axes of its body, or else of the body that the joint carries."""
+        """Describe a displacement in the axes of the fact's body, or else of the body that the joint carries."""
         joint = fact.part.partition("/")[0]
         carried = [self.a.reading.moved_by(joint)] if joint in self.a.reading.joints else []
         return turn_and_way(np.asarray(fact.b), self.axes(fact.of, *carried), self.a.length, turned, brief=self.brief)
@@ -304,7 +304,7 @@ def _is_unit(factor: float, unit: str) -> bool:
 
 
 def _whole(speaker: Speaker, fact: Fact) -> str:
-    """Describe the transformation from A to B as a whole."""
+    """Describe the transformation of the whole machine from A to B."""
     whole = fact.b
     assert isinstance(whole, Whole)
     mirror, step = whole.step
@@ -329,7 +329,7 @@ _SENTENCES = {
     "sign": "{fact.part} counts in the opposite direction in B[ (its axis is reversed)]",
     "placement": "{fact.part} is displaced in B[, with its subtree]: {step}",
     "axis": "{fact.part}: in B its axis is {step}[; its child is not moved]",
-    "start": "{fact.part} starts at another pose in B, {step}[; a free body has the same motions]",
+    "start": "{fact.part} starts at a different pose in B, {step}[; a free body has the same motions]",
     "name": "{fact.part} is called {fact.b} in B, where {fact.part} is a different joint",
     "fixed": "{fact.part} does not move in {other}{at}[: there its child and parent are one body]",
     "held": "{fact.part} is held at {value:.6g} {fact.unit} in {fact.side} only",
@@ -340,7 +340,7 @@ _SENTENCES = {
 #: Property -> text appended for a convention.
 _SAME = {
     "gear": "; the motor is the same, as its joint counts in the opposite direction",
-    "limits": "; the same numbers, counted from another zero",
+    "limits": "; the same numbers, counted from a different zero",
 }
 _TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {
     "whole": _whole,

@@ -314,7 +314,7 @@ def _put_site(
 
 
 def _entries(xml: XmlText, section: str) -> dict[str, Element]:
-    """Return actuators or constraints by name; in a file without includes, unnamed ones are numbered as in `parts`."""
+    """Return actuators or constraints by name; in a file without includes, unnamed items are numbered as in `parts`."""
     rooms = [element for element in xml.root.children if element.tag == section]
     whole = not any(xml.root.iter("include"))
     entries = enumerate(entry for room in rooms for entry in room.children)

@@ -72,7 +72,7 @@ class Part:
     """A file with its includes merged.
 
     Attributes:
-        models: Name under which this file attaches a second file (empty if the latter defines the name) -> its path.
+        models: Name under which this file attaches a second file (empty if the second file defines the name) -> path.
         included: Names of included files.
     """
 

@@ -162,7 +162,7 @@ class _Composer:
         kind, anchor = type(event).__name__, getattr(event, "anchor", None)
         if kind == "AliasEvent":
             if anchor not in self.anchors:
-                raise self.refusal(event, f"the alias *{anchor} without an anchor before it", "write the value")
+                raise self.refusal(event, f"the alias *{anchor} of an undefined anchor", "write the value")
             return self.anchors[anchor]
         if event.tag is not None and event.tag != "!":
             raise self.refusal(event, f"the tag {event.tag}", "remove the tag")
@@ -198,7 +198,7 @@ class _Composer:
             if name == "<<":
                 raise self.refusal(key, "the merge <<", "write out the entries")
             if not isinstance(name, str):
-                raise self.refusal(key, f"{shown(name)} as a key", "use a text as the key")
+                raise self.refusal(key, f"{shown(name)} as a key", "use a string as the key")
             if name in entries:
                 raise self.refusal(key, f"the key {shown(name)} twice", "remove one")
             entries[name] = self.value(next(self.events), depth + 1)

@@ -20,7 +20,7 @@ from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count, is_file
 from screwgauge.reference.rotations import Array, quaternion_rotation
 
-#: Supported versions, and the older ones among them, in which a joint may share the name of a link.
+#: Supported versions, and the older versions among these, in which a joint may share the name of a link.
 _VERSIONS, _OLD = tuple(f"1.{minor}" for minor in range(5, 13)), ("1.5", "1.6")
 #: Separator between the name of a model and the name of its part.
 OF = "::"
@@ -86,7 +86,7 @@ def _merge_include(include: ET.Element, root: ET.Element, file: Path) -> ET.Elem
     """Return the only model of a file, with the name, pose and further elements of its include."""
     models = root.findall("model")
     if len(models) != 1:
-        raise ModelFileError(f"holds {len(models)} models, but is included as one", str(file), "keep one model")
+        raise ModelFileError(f"contains {len(models)} models, but is included as one", str(file), "keep one model")
     (model,) = models
     given = [each for each in include if each.tag not in _OF_INCLUDES]
     replaced = {each.tag for each in given} & {"pose", "static"}

@@ -375,7 +375,7 @@ def check_matter(xml: XmlText) -> None:
 
 
 def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
-    """Attach a link to a different link."""
+    """Attach a link to a different parent link."""
     if link.mount is not None:
         xml.set_in(link.mount, "parent", link=near.name)
 

@@ -26,7 +26,7 @@ FREE = (-float("inf"), float("inf"))
 def assemble(
     reading: Reading, where: str, keyframes: Mapping[str, Mapping[str, float]]
 ) -> tuple[Reading, tuple[str, ...]]:
-    """Find a closed home pose near the file's own; it is within limits and well conditioned if possible.
+    """Find a closed pose near the file's home pose; it is within limits and well conditioned if possible.
 
     Args:
         keyframes: See `homes.choose_home`.
@@ -51,13 +51,13 @@ def _sentences(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, .
     sentences, opened = [], loops.gaps(loops.home, CLOSED)
     if moved:
         most = max(moved, key=lambda name: abs(moved[name]))
-        near = " near the file's own" if chosen.start == OWN else ""
+        near = " near the file's own home pose" if chosen.start == OWN else ""
         aim = f"closed loops{near}" if opened else "a margin to the limits"
-        what = f"{len(moved)} coordinates are moved, '{most}' the most, by {moved[most]:.3g}"
-        sentences.append(f"Home is a pose with {aim}: {what}.")
+        what = f"{len(moved)} coordinates are moved; '{most}' moves the most, by {moved[most]:.3g}"
+        sentences.append(f"The home pose is a pose with {aim}: {what}.")
     sentences += why
     if opened:
-        sentences.append(f"At the file's own home, loops are open: {few_of(opened)}.")
+        sentences.append(f"At the file's own home pose, loops are open: {few_of(opened)}.")
     if chosen.error > CLOSED:
         rounding = few_of(loops.gaps(chosen.q, CLOSED))
         sentences.append(
@@ -72,7 +72,7 @@ def _sentences(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, .
 
 #: A preferred coordinate is chosen if more than this share of its motion is independent of already chosen coordinates;
 #: for a driven coordinate, whose stroke may be short compared with the machine, the share is relative to its own
-#: stroke. A driven coordinate that moves less than the third value at home is at a dead centre.
+#: stroke. A driven coordinate that moves less than the third value at the home pose is at a dead centre.
 PREFERRED, OWN_SHARE, DEAD = 0.05, 1e-3, 1e-6
 
 
@@ -90,7 +90,7 @@ def rounding_sentence(hidden: Array) -> str:
 
 
 def motions(mechanism: Mechanism) -> tuple[Array, Array]:
-    """Compute the dimensionless motions that the loops allow at home.
+    """Compute the dimensionless motions that the loops allow at the home pose.
 
     Returns:
         Orthonormal basis of admissible joint velocities, shape (n_q, k); and the small singular values, which belong to
@@ -138,12 +138,16 @@ def choose(
         rank = linear.rank(K[[names.index(name) for name in chosen.values()]])
         if not rank == len(chosen) == K.shape[1]:
             what = f"{len(chosen)} coordinates of rank {rank} for {K.shape[1]} degrees of freedom"
-            raise DescriptionError(what, f"{where}, --independent", f"choose {K.shape[1]} that determine the motion")
+            raise DescriptionError(
+                what, f"{where}, --independent", f"choose {K.shape[1]} coordinates that determine the motion"
+            )
     driven = {*chosen.values()} if actuated is None else {*actuated}
     joints = tuple(
         replace(joint, actuated=len(joint.coordinates) == 1 and joint.name in driven) for joint in mechanism.joints
     )
-    doubt = f"Its loops leave {K.shape[1]} freedoms; {rounding_sentence(hidden)}: {FULL}." if len(hidden) else ""
+    doubt = (
+        f"Its loops leave {K.shape[1]} degrees of freedom; {rounding_sentence(hidden)}: {FULL}." if len(hidden) else ""
+    )
     return replace(mechanism, joints=joints, independent=chosen), tuple(filter(None, (passed, doubt)))
 
 
@@ -152,7 +156,7 @@ DRIVEN = 1
 
 
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:
-    """Return columns of coordinates in order of preference: free joints, driven joints, simple joints, remaining."""
+    """Return columns of coordinates in order of preference: free, driven, simple and remaining joints."""
     tiers: list[list[int]] = [[], [], [], []]
     coupled = {coupling.coordinate for coupling in mechanism.couplings}
     for joint in mechanism.joints:
@@ -189,7 +193,7 @@ def _passed_sentence(K: Array, driven: Sequence[int], chosen: Sequence[int], nam
     """List the driven coordinates that are not independent, and why; return an empty string if all are independent."""
     followers: dict[str, list[str]] = {}
     for row in sorted({*driven} - {*chosen}):
-        reason = "at a dead centre at home"
+        reason = "at a dead centre at the home pose"
         if np.linalg.norm(K[row]) > DEAD:
             shares = np.linalg.solve(K[chosen].T, K[row]) * np.linalg.norm(K[chosen], axis=1)
             leads = [names[i] for i, share in zip(chosen, np.abs(shares), strict=True) if share > DEAD]

@@ -20,7 +20,7 @@ _NOTHING = 1e-12
 
 
 def solve_couplings(couplings: Couplings, leading: Collection[str]) -> tuple[Couplings, list[str]]:
-    """Solve couplings for a different joint if the file's choice cannot depend or drives the machine; report changes.
+    """Solve couplings for a different joint if the file's choice is driven or cannot be dependent; report changes.
 
     Args:
         leading: Joints that should not depend on other joints: driven and independent joints.
@@ -42,7 +42,7 @@ def _leads(couplings: Couplings) -> dict[str, Collection[str]]:
 
 
 def _solve_each(couplings: Couplings, leading: Collection[str]) -> Couplings | None:
-    """Solve each coupling for a joint of its own; return None if this is impossible."""
+    """Solve each coupling for a separate joint; return None if this is impossible."""
     from scipy.optimize import linear_sum_assignment
 
     joints = list(dict.fromkeys(joint for one in couplings.values() for joint in one.named))

@@ -44,7 +44,7 @@ def import_description(path: Path) -> tuple[Imported, str]:
         text = description(mechanism, remarks)
     else:
         text = "\n".join([*(f"# {line}" for remark in remarks for line in wrap(remark, 116)), text])
-    remarks = remarks or (f"The loops of {path.name} close at home as written.",)
+    remarks = remarks or (f"The loops of {path.name} close at the home pose as written.",)
     return Imported(mechanism, (), None, {}, remarks, ()), text
 
 

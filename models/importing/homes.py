@@ -1,4 +1,4 @@
-"""Finds poses that close all loops of a reading, and chooses the best pose as home."""
+"""Finds poses that close all loops of a reading, and chooses the best of these poses as the home pose."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MARGIN, ROOM = 0.15, 0.3
 CENTRINGS = 40
 #: Number of closures or joints that a sentence names.
 SHOWN = 5
-OWN = "the file's own home"
+OWN = "the file's own home pose"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ class Home:
         rank: Rank of the loop equations.
         least: Smallest singular value of the loop equations, ignoring redundant equations; infinite without loops.
         beyond: Joints outside their limits.
-        distance: Dimensionless distance of hinges and slides from the file's own home.
+        distance: Dimensionless distance of hinges and slides from the file's own home pose.
     """
 
     start: str
@@ -69,13 +69,13 @@ class Home:
 
 
 def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: str) -> tuple[Home, tuple[str, ...]]:
-    """Choose the best closed pose: regular, within limits, well conditioned, near; the file's own if it is closed.
+    """Choose the best closed pose: regular, within limits, well conditioned, near; the file's home is kept if closed.
 
     Args:
         keyframes: Further poses in the file: name -> joint -> coordinate [rad or m].
 
     Returns:
-        The pose, and sentences that explain why it is not the closed pose nearest to the file's own home.
+        The pose, and sentences that explain why it is not the closed pose nearest to the file's own home pose.
 
     Raises:
         ClosureError: A loop does not close from any start.
@@ -88,7 +88,7 @@ def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], wher
         if not error <= ROUNDING:
             continue
         homes.append(one := measure(loops, start, *_centre(loops, q, error)))
-        kept = begin is loops.home and q is begin  # the file's own home is closed
+        kept = begin is loops.home and q is begin  # the file's own home pose is closed
         fine = [each for each in homes if not each.beyond and each.least > REGULAR]
         if one.good or (kept and one in fine) or len(fine) == ENOUGH:
             break
@@ -101,24 +101,25 @@ def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], wher
 
 
 def _reasons(best: Home, homes: Sequence[Home]) -> Iterator[str]:
-    """Explain why the chosen pose was not found from the file's own home."""
+    """Explain why the chosen pose was not found from the file's own home pose."""
     if best.start == OWN:
         return
     what = "nearest well-conditioned" if best.least > WELL else "best-conditioned"
     inside = "" if best.beyond else " within the limits"
     reason = (
-        f"Of {len(homes)} closed poses, home is the {what} one{inside}, found from {best.start}: the smallest singular"
+        f"Of {len(homes)} closed poses, the home pose is the {what} pose{inside}, found from {best.start}; "
+        "the smallest singular"
     )
-    reason = f"{reason} value of its loop equations is {best.least:.2g}."
+    reason = f"{reason} value of the loop equations there is {best.least:.2g}."
     if (own := homes[0]).start != OWN:
         yield f"{reason} From {OWN} the loops do not close."
         return
     kept = f", with {few_of(own.beyond)} outside limits" if own.beyond else ""
-    yield f"{reason} From {OWN} the loops close at a pose with a value of {own.least:.2g}{kept}."
+    yield f"{reason} From {OWN} the loops close at a pose where this value is {own.least:.2g}{kept}."
 
 
 def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
-    """Yield named starting coordinates for closing the loops; joints outside loops stay at home."""
+    """Yield named starting coordinates for closing the loops; joints outside loops keep their home coordinates."""
     yield OWN, loops.home
     for name, pose in keyframes.items():
         q = loops.home.copy()
@@ -133,7 +134,7 @@ def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterat
         yield "the middle of the limits", _interpolate(loops, bounded, np.full(len(bounded), 0.5))
     for i in range(1, STARTS):
         step = FARTHEST * i / (STARTS - 1) * near.uniform(-1.0, 1.0, len(loops.closing))
-        yield "a random pose near the file's own", loops.stepped(loops.home, loops.closing * step)
+        yield "a random pose near the file's own home pose", loops.stepped(loops.home, loops.closing * step)
         if bounded and i % EVERY == 0:
             yield "a random pose within the limits", _interpolate(loops, bounded, inside.uniform(size=len(bounded)))
 
@@ -243,7 +244,7 @@ class Loops:
     """The loop equations of a tree, in lengths of the model; coordinates have shape (n_coordinate,).
 
     Attributes:
-        held: Joints that are locked at home.
+        held: Joints that are locked at their home coordinates.
     """
 
     tree: ReadingTree
@@ -260,7 +261,7 @@ class Loops:
         return np.asarray(home(self.reading).q[0])
 
     def values(self, q: Array) -> dict[str, float]:
-        """Return hinge or slide -> its coordinate [rad or m]."""
+        """Return hinge or slide -> coordinate [rad or m]."""
         places = self.tree.places.items()
         return {name: float(q[place.start]) for name, place in places if place.stop - place.start == 1}
 

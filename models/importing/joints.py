@@ -26,7 +26,7 @@ COMPOSITE = {"S": "a ball joint", "U": "a universal joint", "C": "a cylindrical 
 NOTHING = 4e-16
 #: Value of the missing limit of a joint with only one limit [rad, m].
 FAR = 1e10
-#: Sine of a spherical joint's second angle at home above which the axes are nearly coplanar; at 1 they are coplanar.
+#: Sine of a spherical joint's second home angle above which the axes are nearly coplanar; at 1 they are coplanar.
 STEEP = 0.8
 
 
@@ -170,7 +170,7 @@ def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machi
 
 
 def _from_home(names: Iterable[str], point: Array) -> Group:
-    """Build a spherical joint with angles measured from home, where the original axes are nearly in gimbal lock."""
+    """Build a spherical joint with angles measured from the home pose, where its own axes are nearly in gimbal lock."""
     axes = zip(names, np.eye(3), strict=True)
     return Group("S", {f"{n}.from-home": JointReading("hinge", screw(True, e, point), point) for n, e in axes}, point)
 
@@ -180,7 +180,7 @@ def _orthogonal(E: Array) -> bool:
 
 
 def at_zero(axes: Sequence[JointReading], R: Array) -> tuple[Array, Array]:
-    """Return the joint axes at zero coordinates, in the axes of the child at home, and the total rotation.
+    """Return the joint axes at zero coordinates, in the axes of the child at its home pose, and the total rotation.
 
     In the serial product of rotations, the last axis is expressed in the child frame; each earlier axis is expressed in
     the frame that results from undoing the subsequent rotations.
@@ -249,7 +249,7 @@ def bounds(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def ball(name: str, kind: str, near: Array, far: Array, point: Array) -> Group:
-    """Build a ball (S) or free joint (F) with zero angles at home; the axes of a free joint are its parent's.
+    """Build a ball (S) or free joint (F) with zero home angles; a free joint has the axes of its parent.
 
     Args:
         near, far: Poses of the bodies that the joint connects. Shape (4, 4).

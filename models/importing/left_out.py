@@ -245,7 +245,7 @@ def convert(
     names: Mapping[str, Mapping[str, str]],
     where: str,
 ) -> tuple[LeftOut, ...]:
-    """Convert omitted forces to names and frames of the description; drop forces of joints that it lacks.
+    """Convert omitted forces to names and frames of the description; drop forces of joints that are missing there.
 
     Args:
         left_out: Forces by the names used in the file.
@@ -311,7 +311,7 @@ def _add_resistance(joint: Joint, amounts: Mapping[str, Mapping[str, float]]) ->
 
 
 def _of_turning_joint(one: TurnResistance, name: str, mechanism: Mechanism) -> Iterator[LeftOut]:
-    """Map the forces on a ball or free joint in the file to the joint as which it was imported."""
+    """Map the forces on a ball or free joint in the file to the joint into which the import converted that joint."""
     made = (joint for joint in mechanism.joints if joint.angles == 3)  # the coordinates identify the original joint
     yield from (replace(one, of=f"joint {name}", joint=j.name) for j in made if j.coordinates[-1] == f"{name}.q3")
 

@@ -109,7 +109,7 @@ class Options:
         return [entry for entry in self.allow if entry != MESHES and "/" not in entry]
 
     def with_choices_of(self, own: LoopsFile) -> Options:
-        """Fill in choices that the user left open from a loops file."""
+        """Fill in, from a loops file, the choices that the user left open."""
         driven = [joint.coordinates[0] for joint in own.joints if joint.actuated]
         chosen = own.independent if self.independent is None else self.independent
         return replace(self, independent=chosen, actuated=driven if self.actuated is None else self.actuated)
@@ -190,7 +190,7 @@ def _mechanism(
         couplings=couplings,
     )
     if not mechanism.mass:
-        raise DescriptionError("no moving body has mass", where, "add mass to at least one")
+        raise DescriptionError("no moving body has mass", where, "add mass to at least one moving body")
     return mechanism, remarks
 
 
@@ -208,7 +208,7 @@ def _rename(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
 
 
 def _driven_joints(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
-    """Return the driven joints: the user's choice, the file's, or all of an open chain; None if undetermined."""
+    """Return the driven joints: the choice of user or file, or all joints of an open chain; None if undetermined."""
     reading = graph.reading
     can = [name for link in graph.links for name in link.joints if reading.joints[name].kind in ("hinge", "slide")]
     if chosen is not None:

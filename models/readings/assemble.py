@@ -163,18 +163,18 @@ def _weld(reading: Reading, names: list[str], where: str) -> Reading:
         reading = _replace_joint(reading, name, {})
     merged = assemble(dict(_links(reading)), reading.joints, where, name=reading.name, library=reading.library)
     if not reading.joints:
-        raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave at least one free")
+        raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave at least one joint free")
     return replace(reading, bodies=merged.bodies, fixed={**reading.fixed, **merged.fixed}, couplings=couplings)
 
 
 def _hold(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:
-    """Fix the given leading joints of a coupling at home; a joint that depends only on these is locked."""
+    """Fix the given leading joints of a coupling; a joint that depends only on fixed joints is locked."""
     homes = {name: reading.joints[name].home for name in coupling.function.terms if name in fixed}
     return replace(coupling, function=coupling.function.at(homes)) if homes else coupling
 
 
 def _links(reading: Reading) -> Iterator[tuple[str, BodyReading]]:
-    """Yield the links of all bodies, to be merged again; one link of each body has its mass."""
+    """Yield the links of all bodies, to be merged again; one link of each body has the body's mass."""
     for name, body in reading.bodies.items():
         near, joints = "" if body.near == GROUND else body.near, body.joints
         if body.first:

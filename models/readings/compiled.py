@@ -23,7 +23,7 @@ _REMEDIES = {
     "its neighbour's, or read it with Pinocchio",
     "positive eigenvalues": "use a tensor with positive principal moments for that link, or read it with Pinocchio",
     "A + B >= C": "use the tensor of a possible body for that link, or read it with Pinocchio",
-    "top level": "read it with Pinocchio: in MuJoCo only bodies of the world can float",
+    "top level": "read it with Pinocchio: in MuJoCo, only direct children of the world can float",
 }
 
 
@@ -192,7 +192,7 @@ def _tendon_joints(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...
 
 
 def _tendons(model: Any) -> Iterator[Content]:
-    """Yield the tendons that exert forces; tendons of actuators and equalities are reported with these."""
+    """Yield the tendons that exert forces; a tendon of an actuator or equality is reported together with its owner."""
     kind = kinds()["fixed tendons"]
     own = [name for name in kind.arrays if name not in _PATHS]
     for i in range(model.ntendon):

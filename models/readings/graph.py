@@ -73,7 +73,7 @@ class GraphJoint:
 
 
 Mimic = tuple[str, str, str, float, float]
-"""A coordinate, the joint that it follows, which of that joint's coordinates if it has several, constant and slope."""
+"""Coordinate, joint that it follows, suffix of the followed coordinate if that joint has several, constant, slope."""
 
 
 def _couplings(

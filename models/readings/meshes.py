@@ -71,7 +71,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
 
 
 def _idle_plugins(root: ET.Element) -> Iterator[Content]:
-    """Remove plugins that only removed elements, such as collisions and sensors, used; yield them as content."""
+    """Remove plugins used only by elements that were removed, such as sensors; yield these plugins as content."""
     declared = {id(each) for extension in root.iter("extension") for each in extension.iter("plugin")}
     used = {each.get(key) for each in root.iter("plugin") if id(each) not in declared for key in ("plugin", "instance")}
     for extension in root.findall("extension"):

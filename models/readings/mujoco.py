@@ -190,8 +190,8 @@ def _softness(model: Any, i: int) -> tuple[float, ...]:
 def _sides(model: Any, i: int, reading: Reading) -> list[tuple[str, Array]]:
     """Return the two bodies of an equality, each with the frame of the equality in that body.
 
-    MuJoCo computes the second anchor of a connect at qpos0. For a weld, it stores the anchor in the second body, and
-    the pose in the first body of a frame at that anchor with the axes of the second body.
+    MuJoCo computes the second anchor of a connect at qpos0. For a weld, it stores the anchor in the second body; for
+    the first body, it stores the pose of a frame at that anchor with the axes of the second body.
     """
     import mujoco
 

@@ -179,7 +179,7 @@ def _several(model: Any, i: int, source: Source | None) -> Iterator[Part]:
 def placements(model: Any, q: Array) -> tuple[list[Any], Array]:
     """Compute the world placement of each joint and the Jacobian [linear; angular] at the world origin, (6, n_v).
 
-    Pinocchio's Data is avoided because its size grows with the cube of n_v: creating it takes half a minute for 490.
+    Pinocchio's Data is avoided because its size grows with the cube of n_v: creation takes half a minute for n_v = 490.
     """
     import pinocchio
 
@@ -253,7 +253,7 @@ def _planar_axes(source: Source) -> Iterator[str]:
 
 
 def _ignored_quaternions(source: Source) -> Iterator[str]:
-    """Yield a message if the parser ignores quaternions: it reads them as of version 1.1; the default is 1.0."""
+    """Yield a message if the parser ignores quaternions, which it reads from version 1.1 on; the default is 1.0."""
     origins = [*source.root.iterfind("joint/origin"), *source.root.iterfind("link/inertial/origin")]
     if source.root.get("version", "1.0") == "1.0" and any("quat_xyzw" in origin.attrib for origin in origins):
         yield "origin quat_xyzw, as the file does not declare version 1.1"
@@ -296,7 +296,7 @@ _JOINED = ("body1", "body2", "site1", "site2")
 def as_file(root: ET.Element) -> Iterator[str]:
     """Write an MJCF to a temporary file and yield its path, since Pinocchio cannot read an MJCF from a string.
 
-    Keyframes are omitted, since Pinocchio rejects the keyframes of a model of which it drops a part. Attached models
+    Keyframes are omitted, since Pinocchio rejects them if it drops a part of the model. Attached models
     are omitted, since Pinocchio drops them.
     """
     root = copy.copy(root)

@@ -245,11 +245,11 @@ def libraries_of(form: str) -> tuple[str, ...]:
 
 
 def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, floating: bool = False) -> Reading:
-    """Read a model file in this process; a crash of the library ends the process, too.
+    """Read a model file in this process; a crash of the library also ends the process.
 
     Args:
         library: One of `LIBRARIES`.
-        home: Home coordinates of hinges and slides [rad or m]; by default, the file's.
+        home: Home coordinates of hinges and slides [rad or m]; by default, the home coordinates of the file.
         floating: Give a URDF a floating base.
 
     Raises:

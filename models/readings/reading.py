@@ -39,7 +39,7 @@ class BodyReading(Matter):
         fixed: Name of each link merged into the body -> frame of that link in the body's frame, shape (4, 4).
         first: Link that the last joint carries; empty if the body is named after that link.
         parts: Name of each merged link with mass or inertia -> mass properties of that link, in the body's frame.
-        copy_of: Body of a description of which this body is a copy, made to open a loop; empty for all other bodies.
+        copy_of: Body of a description that this body copies in order to open a loop; empty for all other bodies.
     """
 
     near: str
@@ -53,7 +53,7 @@ class BodyReading(Matter):
 
     @property
     def centre(self) -> Array:
-        """Centre of mass in the world frame at home [m]. Shape (3,)."""
+        """Centre of mass in the world frame at the home pose [m]. Shape (3,)."""
         return np.asarray(self.pose[:3, :3] @ self.com + self.pose[:3, 3])
 
     def with_matter(self, matter: Matter) -> BodyReading:
@@ -75,7 +75,7 @@ class JointReading:
 
     Attributes:
         kind: One of `FREEDOMS`.
-        screw: Unit screw of a hinge or slide [angular; linear at the world origin] at home; zeros for other kinds.
+        screw: Unit screw of a hinge or slide at the home pose [angular; linear at the world origin]; else zeros.
             Shape (6,).
         centre: World position, at home, of a point on the axis of a hinge, or of a ball or free joint [m]. Shape (3,).
         home: Home coordinate as measured in the file [rad or m]; 0 for a ball or free joint.
@@ -136,7 +136,7 @@ class CouplingReading:
     softness: tuple[float, ...] = ()
 
     def solved(self, joint: str) -> CouplingReading:
-        """Solve the coupling for a given one of its joints; return it unchanged if it is not linear in that joint."""
+        """Solve the coupling for one of its joints; return the coupling unchanged if it is not linear in that joint."""
         if not self.function.is_linear_in(joint):
             return self
         return replace(self, joint=joint, function=self.function.solved(self.joint, joint))
@@ -219,7 +219,7 @@ class Reading:
         return self._place(name) is not None
 
     def carried(self, joint: str) -> str:
-        """Return the link that a joint carries; empty if the joint does not exist or is not the last before a link."""
+        """Return the link that a joint carries; empty for an unknown joint or if further joints follow it."""
         if joint in self.frames:
             return self.frames[joint]
         return next((body.first or name for name, body in self.bodies.items() if body.joints[-1] == joint), "")
@@ -230,7 +230,7 @@ class Reading:
 
     @property
     def poses(self) -> dict[str, Array]:
-        """World poses of the ground and of all bodies at home. Shape (4, 4) each."""
+        """World home poses of the ground and of all bodies. Shape (4, 4) each."""
         return {GROUND: np.eye(4), **{name: body.pose for name, body in self.bodies.items()}}
 
     def ends(self, closure: str) -> tuple[tuple[str, Array], tuple[str, Array]]:

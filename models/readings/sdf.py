@@ -127,7 +127,7 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
         density = frames.number(inertial, "density", _WATER)
         matter = join(_shape(name, frame, each, density, frames) for each in element.iterfind("collision"))
         if not matter.mass:
-            what = f"mass of link {name} would come from its shapes (inertial auto), but it has none"
+            what = f"mass of link {name} would come from its shapes (inertial auto), but no shape has mass"
             raise ModelFileError(what, frames.where, "write out its <inertial>")
         share = frames.number(inertial, "mass", matter.mass) / matter.mass
         matter = Matter(share * matter.mass, matter.com, share * matter.inertia)

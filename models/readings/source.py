@@ -270,7 +270,7 @@ def _key_models(part: Part, keys: Mapping[Path, str]) -> None:
 
 
 Branch = tuple[str, tuple[str, ...], Any]
-"""What hangs on a link: the name by which siblings are sorted, joints that move, and where further branches are."""
+"""A branch at a link: the name by which siblings are sorted, the moving joints, and the place of further branches."""
 
 
 def by_name(source: Source) -> tuple[str, ...]:

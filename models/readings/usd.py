@@ -344,7 +344,7 @@ class _Joint:
         return {**found, "rest": self.stage.scaled(token, number(self.prim, "mjc:springref"))}
 
     def drives(self) -> Iterator[tuple[str, str]]:
-        """Yield the driven coordinates, and the instance of the drive of each."""
+        """Yield each driven coordinate with the instance name of its drive."""
         for token, name in self.coordinates.items():
             plain = {"Revolute": "angular", "Prismatic": "linear"}.get(self.kind, token)
             if value(self.prim, f"drive:{plain}:physics:stiffness") is not None and not self.is_ball:

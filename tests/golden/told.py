@@ -169,8 +169,11 @@ REASONS = (
         _reason(slip, "A", facts=TENSORS)
         for slip in ("not turned", "turned twice", "turned transposed", "meant transposed")
     ),
-    *(_reason(slip, facts=TENSORS) for slip in ("products of other sign", "no products", "urdf order", "mjcf order")),
-    _reason("product of other sign", "xy", facts=TENSORS),
+    *(
+        _reason(slip, facts=TENSORS)
+        for slip in ("products of opposite sign", "no products", "urdf order", "mjcf order")
+    ),
+    _reason("product of opposite sign", "xy", facts=TENSORS),
     *(_reason(slip, facts=TENSORS) for slip in ("order of products", "order of moments", "moments on other axes")),
     *(_reason(slip, facts=PLACES) for slip in ("transposed", "no rotation")),
     *(_reason(slip, "B", facts=BODY_FACTS) for slip in ("inertiafromgeom", "default density", "geoms")),

@@ -167,7 +167,7 @@ class Cause:
 
 
 def rank_causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]] = ()) -> list[Cause]:
-    """Rank causes: B as a whole, missing parts and large shares precede conventions, unseen facts and rounding.
+    """Rank causes: B as a whole, missing parts and large shares come before conventions, unseen facts and rounding.
 
     Args:
         known: Groups of facts that a single slip explains.
@@ -186,7 +186,7 @@ def _size(row: _Row) -> float:
 
 
 def _share(row: _Row, total: Array) -> float:
-    """Return the projection onto the total effect, as a share of it."""
+    """Return the projection of an effect onto the total effect, as a share of the total."""
     return 0.0 if row[1] is None else float(np.vdot(total, row[1]) / np.vdot(total, total))
 
 
@@ -215,7 +215,7 @@ def _row(groups: Sequence[tuple[Fact, ...]], torques: Torques) -> _Row:
 
 
 def _give_shares(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
-    """Assign shares; merge the largest row with the row that best cancels it until no share is out of bounds."""
+    """Assign shares; as long as a share is out of bounds, merge the largest row with the row that best cancels it."""
     size = float(np.linalg.norm(total))
     if size < NOTHING * max(map(_size, rows)):
         return [Cause(tuple(group for groups, _ in rows for group in groups), math.nan)]

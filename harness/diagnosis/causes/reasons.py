@@ -217,7 +217,7 @@ def _to_a(pair: Pair, name: str) -> Array:
 
 
 def _merges(case: Unexplained) -> Iterator[Reason]:
-    """Find fixed links that the other model merged into their body incorrectly: all fixed links together, or one."""
+    """Find fixed links that the other model merged incorrectly into their body: try all together, then one by one."""
     for own, name, there, old, new, facts in _differing_bodies(case):
         body = own.reading.bodies[name]
         gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}
@@ -237,7 +237,7 @@ def _same(one: Matter, other: Matter, loose: float) -> bool:
 def _mergers(
     frames: Mapping[str, Array], parts: Mapping[str, Matter], names: Sequence[str], whole: Matter
 ) -> Iterator[tuple[list[str], Matter]]:
-    """Yield combinations of slips, fewest slips first, and the body that results from merging parts with them."""
+    """Yield combinations of slips, fewest slips first, and the body that results from merging parts that way."""
     own = remainder(whole, (parts[name] for name in names))
     yield ["missing part"], own
     local = {name: displace(parts[name], np.asarray(np.linalg.inv(frames[name]))) for name in names}
@@ -287,7 +287,7 @@ def _local(file: Written, machine: Machine, ends: Ends) -> Array:
 
 
 def _differing_joints(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
-    """Yield facts about the placement of a link, the bodies at its ends, and the placement in A and in B."""
+    """Yield, for each displaced link, the facts about it, the bodies at its ends, and its placement in A and in B."""
     for one, other in case.pair.links:
         names = {"/".join(one.joints), *one.joints}
         facts = [f for f in case.of("placement", "zero") if f.part in names]
@@ -318,7 +318,7 @@ def _of_placement(case: Unexplained, facts: tuple[Fact, ...], a: Array, b: Array
 
 
 def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
-    """Yield single values with facts, link and property; link by link if both files have the same links in a body."""
+    """Yield single values with facts, link and property, link by link for a body with the same links in both files."""
     for fact in (each for each in case.facts if _is_number(each) and each.what not in INERTIAL):
         yield (fact,), "", fact.what, _trial(case, fact.a, fact.b, fact.unit)
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
@@ -333,7 +333,7 @@ def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Tri
 
 
 def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array]]]:
-    """Yield the links of a body if both files have the same: name, mass properties in A and B in the link frame."""
+    """If a body has the same links in both files, yield their names and, in link frames, mass properties in A and B."""
     bodies = pair.a.bodies[name], pair.b.bodies[pair.bodies[name]]
     one, two = (m.reading.bodies[each.members[0]] for m, each in zip((pair.a, pair.b), bodies, strict=True))
     if max(len(body.members) for body in bodies) > 1 or not one.parts or {*one.parts} != {*two.parts}:

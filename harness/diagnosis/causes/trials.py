@@ -160,7 +160,7 @@ class Trial:
     turns: Sequence[tuple[Slip, Array]] = ()
 
     def fits(self, value: Array) -> bool:
-        """Return True if the value equals B's to the precision of the files and is much closer to it than A's value."""
+        """Return True if the value matches B's value to the precision of the files, much better than A's value does."""
         before, large = float(np.abs(self.b - self.a).max()), float(np.abs(self.a).max())
         left = max(self.loose * float(np.abs(self.b).max()), 1e-9 * large)
         return before > self.loose * large and float(np.abs(value - self.b).max()) <= min(left, SHARE * before)
@@ -265,7 +265,7 @@ def tensor(t: Trial) -> Guesses:
 def _entries(I: Array) -> Guesses:
     """Try slips in the entries of a tensor, in the axes in which the file gives it."""
     moments = np.diag(np.diag(I))
-    yield ("products of other sign",), 2.0 * moments - I
+    yield ("products of opposite sign",), 2.0 * moments - I
     yield ("no products",), moments
     products, diagonal, mjcf, urdf = ("xy", "xz", "yz"), ("xx", "yy", "zz"), tuple(TENSOR), tuple(sorted(TENSOR))
     orders = [("urdf order", mjcf, urdf), ("mjcf order", urdf, mjcf)]

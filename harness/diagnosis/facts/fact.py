@@ -41,7 +41,7 @@ class Fact:
         unit: SI unit; empty for a dimensionless number.
         size: Relative difference, or difference in machine lengths and rad; infinite if a model lacks the value.
         kind: ``model``; ``convention``, which does not change the motion; ``digits``, rounding of printed numbers.
-        changes: Changes that give A the value of B; empty if no change of a value does.
+        changes: Changes that give A the value of B; empty if no change of a value can.
         partner: Name of the part in B; empty if B lacks it.
         of: A second part: the body in whose axes a step is expressed, or the joint of an actuator.
         more: Further names, e.g. of the bodies that a missing link carries.
@@ -192,7 +192,7 @@ def _is_cut(fact: Fact, n: int, side: str) -> bool:
 
 
 def _is_printed(fact: Fact, n: int) -> bool:
-    """Return True if the numbers of one model, rounded to n digits, equal the other's, e.g. after a change of units."""
+    """Return True if the numbers of one model, rounded to n digits, equal those numbers in the other model."""
     if fact.side or fact.a is None or fact.what not in PROPERTIES:
         return False
     try:

@@ -57,7 +57,7 @@ def _is_plain(link: Link) -> bool:
 
 
 def _lost_forces(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """Yield passive forces of joints that the other model replaces by points."""
+    """Yield passive forces of joints that the other model replaces with point closures."""
     if bool(one.joints) == bool(other.joints):
         return
     side, reading, joints = ("A", pair.a.reading, one.joints) if one.joints else ("B", pair.b.reading, other.joints)
@@ -70,7 +70,7 @@ def _lost_forces(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterator[Fact]:
-    """Yield joints that the other model fixes, or else the two kinds of link, which may be equivalent in loops."""
+    """Yield joints that the other model fixes, or else both kinds of link, which may be equivalent in loops."""
     met = [*_match_joints(pair, one, other)]
     if met and len(met) == min(len(one.elements), len(other.elements)):
         for k, (side, link) in enumerate(zip("AB", (one, other), strict=True)):
@@ -179,7 +179,7 @@ def _entries(E: Array, length: float) -> Array:
 
 
 def remainder_of(link: Link, D: Array, ways: Sequence[float] | Array, length: float) -> tuple[Array, float]:
-    """Compute the remainder of a displacement after steps of the joints, shape (4, 4), and the remainder's size."""
+    """Compute the remainder of a displacement after steps of the joints, shape (4, 4), and its magnitude."""
     T: Array = np.eye(4)
     for element, way in zip(link.elements, ways, strict=True):
         T = exponential(element.kind, element.direction, element.centre, float(way)) @ T  # outer motions first
@@ -266,7 +266,7 @@ def _entry(name: str, what: str, a: object, b: object, joint: JointReading, size
 
 
 def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, described: bool) -> Iterator[Fact]:
-    """Compare limits, ignoring unreachable ones; a joint with a different zero may keep the numbers of its limits.
+    """Compare limits, ignoring unreachable limits; equal numbers with a different zero count as a convention.
 
     Args:
         described: True if either model is a description, whose files omit limits.

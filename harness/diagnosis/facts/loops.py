@@ -124,7 +124,7 @@ def _compare_couplings(
     """Compare two couplings of one joint.
 
     Args:
-        free: Joints whose zero is unobservable; a joint whose zero a coupling fixes is removed.
+        free: Joints whose zero is unobservable; a joint is removed once a coupling determines its zero.
     """
     ours, joint, follower = one.function, one.joint, pair.partner(one.joint)
     other = other.solved(follower.name)
@@ -182,7 +182,7 @@ def _are_equivalent(pair: Pair) -> bool:
 
 
 def _size(function: PolynomialSum) -> float:
-    """Estimate the largest magnitude over coordinates between -1 and 1."""
+    """Estimate the largest magnitude of a function for coordinates between -1 and 1."""
     x = np.linspace(-1.0, 1.0, 7)
     values = [Polynomial([0.0, *p])(x) for p in function.terms.values()]
     ends = (sum((float(end(each)) for each in values), function.constant) for end in (np.min, np.max))

@@ -109,7 +109,7 @@ def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
 
 
 def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
-    """Return the joint coordinate that reproduces the other model's relative pose; None if it is home or missing."""
+    """Return the joint coordinate that gives the other model's relative pose; None if it is home or does not exist."""
     near, far = (next(name for name in own.bodies[end].members if name in owners) for end in (link.near, link.far))
     there = other.bodies[owners[near]].frames
     N, F = (own.bodies[end].frames[name] for end, name in ((link.near, near), (link.far, far)))
@@ -151,7 +151,7 @@ def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) 
 
 
 def _lost_link(side: str, what: str, link: Link, bodies: Sequence[str] = (), of: str = "") -> Fact:
-    """Create the fact for an unmatched link, its bodies, and their mass or the link's coordinate."""
+    """Create the fact for an unmatched link, with its bodies and `of`: their mass, or the link's coordinate."""
     gone = side == "A" and bool(link.joints) and (what == "branch" or (what == "link" and len(bodies) == 1))
     changes = (Change(link.joints[0], what, np.array(0.0)),) if gone else ()
     fact = _lone_fact(side, "/".join(link.joints or link.names), what, link.kind)
@@ -213,7 +213,7 @@ def actuator_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def actuator_partners(pair: Pair) -> dict[str, str]:
-    """Pair actuators by name and joint, then by explicit name, by joint, and by name."""
+    """Pair actuators by name and joint, then by explicit name, then by joint, and finally by any name."""
     a, b, back = pair.a.reading.actuators, pair.b.reading.actuators, pair.back
     ours = {name: joint for name, (joint, _) in a.items()}
     theirs = {name: back.get(joint, joint) for name, (joint, _) in b.items()}
@@ -348,7 +348,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
 
 
 def _fact(a: Content | None, b: Content | None) -> Fact:
-    """Create a fact whose values are the differing numbers and texts, by label."""
+    """Create a fact whose values are the differing numbers and strings, by label."""
     one = a or b
     assert one is not None
     names = [each.whose.rpartition(" ")[2] if each else "" for each in (a, b)]

@@ -57,7 +57,7 @@ def read_map(path: Path) -> dict[str, str]:
 
 
 def find_partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Names:
-    """Find partners: first the given ones, then by name, then by similar name.
+    """Find partners: first the given pairs, then pairs with equal names, then pairs with similar names.
 
     Args:
         given: Joint or body of A -> joint or body of B.
@@ -153,7 +153,7 @@ def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
 
 
 def _next_links(machine: Machine, link: Link) -> list[Link]:
-    """Return the other links of the far body of a link."""
+    """Return all links of the far body of a link except that link."""
     return [far for far in machine.at(link.far) if {*far.names} != {*link.names}]
 
 

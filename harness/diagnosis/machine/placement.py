@@ -131,7 +131,7 @@ def _principal(body: Body, link: Link, length: float) -> tuple[list[Array], Arra
 
 
 def _arm(body: Body, link: Link, length: float) -> tuple[list[Array], Array]:
-    """Return frames along a hinge and towards the centre of mass (none if it is near the axis), and its distance."""
+    """Return frames along a hinge and towards the centre of mass (none if it is near the axis), and the distance."""
     if link.kind != "R" or body.matter.mass == 0.0:
         return [], np.zeros(1)
     d, point = link.elements[0].direction, link.elements[0].centre
@@ -151,8 +151,8 @@ def _frame(machine: Machine, body: Body) -> Array:
 def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
     """Return the placement of B's world frame at which the joints of B's link have A's coordinates.
 
-    Each element moves its far side, whatever the direction of its joint. Its sense is the one in which the axes agree
-    once the preceding elements are at A's coordinates.
+    Each element moves its far side, whatever the direction of its joint. Coordinates count in the sense in which the
+    axes of both machines agree once the preceding elements are at A's coordinates.
     """
     T = near
     for mine, yours in zip(links[0].elements, links[1].elements, strict=True):

@@ -216,7 +216,7 @@ def _factors(a: Reading, b: Reading, pairs: Pairs) -> Iterator[tuple[float, floa
 
 
 def _common_ratio(pairs: Sequence[tuple[float, float]]) -> float:
-    """Return the ratio that most pairs share; 1 if they do not share one."""
+    """Return the ratio that most pairs share; 1 if there is no such ratio."""
     ratios = [y / x for x, y in pairs if x > 1e-9 and y > 1e-12]
     middle = float(np.median(ratios)) if ratios else 1.0
     near = [ratio for ratio in ratios if abs(ratio / middle - 1.0) < SAME]
