@@ -125,7 +125,7 @@ class _Moves:
 
     def _ball(self, context: Any, k: int) -> tuple[Array, Array]:
         """Angular velocity of what it carries, along axes of the frame that carries it."""
-        X = frame_motion(self.states, self.states.frame).pose[k][:3, :3]
+        X = frame_motion(self.states, self.states.frame)[0][k][:3, :3]
         R = self.turn @ X @ self.turn.T
         self.joint.set_angles(context, RollPitchYaw(RotationMatrix(R)).vector())
         return self.turn @ X, np.zeros(3)

@@ -88,7 +88,7 @@ def _com(model: Any, at: slice) -> Array:
 
 def _free(com: Array, states: JointStates, k: int) -> tuple[Array, Array, Array]:
     """Pose, and velocity of the centre of mass before the angular one, along axes of the world."""
-    T = states.frame @ frame_motion(states, states.frame).pose[k]
+    T = states.frame @ frame_motion(states, states.frame)[0][k]
     R, rates = T[:3, :3], states.qd[k]
     to_com = np.hstack([-skew(com), np.eye(3)])
     turning = cross(rates[:3], to_com @ rates)

@@ -39,7 +39,7 @@ class TracedForward:
     """Evaluator that differentiates states (y, yd, work) with a program; each pose is predicted from the previous one.
 
     Attributes:
-        pose: Closed pose from which the next pose is predicted, see `Forward.program`. Shape (d + d k + k, width).
+        pose: Closed pose from which the next pose is predicted, see `forward_program`. Shape (d + d k + k, width).
         by_array: Number of evaluations left to the array solver.
         setup: Processor time of tracing and compiling [s].
     """
