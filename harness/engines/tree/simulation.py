@@ -2,8 +2,8 @@
 
 `simulate` integrates (q, v, work) with an engine's accelerations. A pose that is singular for the independent
 coordinates is regular for tree coordinates, so `Integration.near` is ignored. After every step, the smallest correction
-onto the closed loops removes the remaining drift. `step_through` runs an engine's own integrator, or simple methods with
-the engine's accelerations.
+onto the closed loops removes the remaining drift. `step_through` runs an engine's own integrator, or simple methods
+with the engine's accelerations.
 """
 
 from __future__ import annotations
