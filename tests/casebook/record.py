@@ -17,8 +17,8 @@ CRASHED = "crashed"
 #: Of the processes of one environment [s].
 LIMIT = 3600.0
 HEAD = """\
-# Versions, in the order of a case's `engines`, with which tests/casebook showed it, and with which not; numbers are
-# those of the newest. Written by pytest -m campaign -k casebook --reports=harness
+# Versions, in the order of a case's `engines`, with which tests/casebook reproduced the case or did not; numbers
+# were measured with the newest versions. Written by pytest -m campaign -k casebook --reports=harness
 """
 
 #: The status of a case, and its numbers.
