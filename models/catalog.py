@@ -55,7 +55,7 @@ def mechanism_path(
 
 
 def _allowing(path: Path, allow: Sequence[str]) -> Path:
-    """Write a description to a temporary folder; it extends the given one and allows further tensors."""
+    """Write, to a temporary folder, a description that extends the given description and allows further tensors."""
     own = read_names(read_toml(path).get("allow", []), f"{path}, allow") if allow else ()
     if {*allow} <= {*own}:
         return path

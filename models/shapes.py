@@ -348,7 +348,7 @@ def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> N
 
 
 def _bar_ends(link: Link, tree: Tree) -> list[Array]:
-    """Return the joint points of a body; mirror a single joint point in the centre of mass to get a second one."""
+    """Return the joint points of a body; mirror a single joint point in the centre of mass to get a second point."""
     ends: dict[tuple[float, ...], Array] = {}
     for joint in tree.mechanism.joints:
         for side, frame in joint.sides:

@@ -324,7 +324,7 @@ SLIPS: Mapping[str, str] = {
     "density": "masses come from a density of {0:.6g} kg/m^3 in A and {1:.6g} kg/m^3 in B",
     "settotalmass": "masses are scaled to a total of {1:.6g} kg by the compiler option settotalmass of {0}",
     "total kept": "masses are scaled to a total of {0:.6g} kg in both, as MuJoCo's settotalmass does",
-    "joint order": "from the ground outwards {0} in A, {1} in B{2}",
+    "joint order": "from the ground outwards, the joints are {0} in A and {1} in B{2}",
     "exchanged": "the {noun} of {0} and the {noun} of {1} are exchanged",
     "before the gear": "the {noun} of {0} is given on the motor side of the gear, whose ratio is {1:.6g}",
     "gear once": "the {noun} of {0} is scaled by the gear ratio {1:.6g}, not by its square",

@@ -1,4 +1,4 @@
-"""Explains the differences between two machines by the fewest causes, with B as it is or after aligning it with A."""
+"""Explains the differences between two machines by the fewest causes, for B as it is or after aligning B with A."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def _is_scale(fact: Fact) -> bool:
 def _different_machines(found: Findings) -> Iterator[str]:
     a, b = (len(each.reading.joints) for each in (found.a, found.b))
     partners = f"{len(found.how) or 'none'} of the {count(a, 'joint')} of A {'has' if len(found.how) < 2 else 'have'}"
-    yield f"A and B are models of different machines: {partners} a partner among the {b} of B."
+    yield f"A and B are models of different machines: {partners} a partner among the {b} joints of B."
     some = f" Partners are {_pairs(found)}." if found.how else ""
     yield f"If they are the same machine, name the partners with --map.{some}"
 
@@ -331,7 +331,7 @@ def _of_side(model: Model, found: Findings) -> Iterator[str]:
 
 
 def _calls(found: Findings) -> Iterator[str]:
-    """Name passive forces that one library's inverse dynamics contain and the other library's omit."""
+    """Name passive forces that one library's inverse dynamics contain and the other library's inverse dynamics omit."""
     pairs = ((x, y) for x in found.witnesses for y in found.witnesses if x.library != y.library)
     for more, less in pairs:
         if what := sorted({*more.adds} & {*less.omits}):

@@ -317,7 +317,7 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
     factors = {"lengths": whole.length, "masses": whole.mass, "inertias": whole.inertia}
     units = [f"{name} {factor:.6g} times" for name, factor in factors.items() if factor != 1.0]
     known = all(_is_unit(factor, unit) for factor, unit in zip(factors.values(), ("m", "kg", "kg m^2"), strict=True))
-    told = [f"{'in other units' if known else 'scaled'} ({join(units)} A's)"] if units else []
+    told = [f"{'in different units' if known else 'scaled'} ({join(units)} A's)"] if units else []
     told += [f"mirrored in {mirror}"] if mirror else []
     if np.abs(step).max() > 1e-9:
         told.append(turn_and_way(step, [_THERE], speaker.a.length, brief=speaker.brief))

@@ -198,7 +198,7 @@ def _check_names(file: LoopsFile, where: str) -> None:
 
 
 def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
-    """Convert closures to readings, named like the constraints in the exported MJCF; two point pairs yield two."""
+    """Convert closures to readings, named as in the exported MJCF; two pairs of points yield two readings."""
     found = {}
     for closure in closures:
         kind = "weld" if closure.type == "weld" else "point"

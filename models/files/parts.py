@@ -46,7 +46,7 @@ def name_all(root: ET.Element, taken: set[str | None]) -> None:
 
 
 def joints_in(body: ET.Element) -> list[ET.Element]:
-    """List the joints of a body in file order, including those in frames."""
+    """List the joints of a body in file order, including joints in frames."""
     joints, waiting = list[ET.Element](), [*body]
     while waiting:
         element = waiting.pop(0)

@@ -36,7 +36,7 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
 
     Args:
         cut: ``minimal`` or ``full``.
-        include: ``limits`` writes the description's finite limits instead of wide ones; ``yaml`` adds the frames that a
+        include: ``limits`` writes the description's finite limits, not wide limits; ``yaml`` adds the frames that a
             ``robot.yaml`` names.
     """
     tree = lay_out(mechanism, cut)

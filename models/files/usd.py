@@ -68,7 +68,7 @@ def stage_of(path: Path) -> Any:
 
 
 def prims(top: Any) -> Iterator[Any]:
-    """Yield a prim and all active prims below it, including those of instances."""
+    """Yield a prim and all active prims below it, including prims of instances."""
     from pxr import Usd
 
     return iter(Usd.PrimRange(top, Usd.TraverseInstanceProxies()))

@@ -200,4 +200,4 @@ def _passed_sentence(K: Array, driven: Sequence[int], chosen: Sequence[int], nam
             reason = f"determined by {few_names(leads)}"
         followers.setdefault(reason, []).append(names[row])
     reasons = [f"{few_names(some)} ({reason})" for reason, some in followers.items()]
-    return f"Driven, but not independent: {first_few(reasons, SHOWN)}." if reasons else ""
+    return f"These coordinates are driven but not independent: {first_few(reasons, SHOWN)}." if reasons else ""

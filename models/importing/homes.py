@@ -179,7 +179,7 @@ def _is_at_limit(loops: Loops, q: Array) -> bool:
 
 
 def few_of(phrases: Sequence[str]) -> str:
-    """List the first phrases and count the remaining ones."""
+    """List the first phrases and count the remaining phrases."""
     return first_few(phrases, SHOWN)
 
 

@@ -85,7 +85,7 @@ def groups(
 ) -> tuple[list[Group], list[str]]:
     """Group the degrees of freedom of a link into joints of a description; report divided composite joints.
 
-    Driven hinges and slides stay separate, and coupled ones do not become part of S and F joints.
+    Driven joints stay separate, and coupled joints do not become part of S and F joints.
     """
     out, remarks, i = list[Group](), list[str](), 0
     while i < len(link.elements):
@@ -299,5 +299,5 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def few_names(names: Iterable[str]) -> str:
-    """List the first names and count the remaining ones."""
+    """List the first names and count the remaining names."""
     return first_few((f"'{name}'" for name in names), SHOWN)

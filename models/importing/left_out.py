@@ -297,7 +297,7 @@ def with_resistance(
             rest.append(replace(one, armature=0.0, friction=0.0, damping=() if linear else one.damping))
         actuator = actuators.get(one.of.removeprefix("actuator "))
         if one.armature and one.of.startswith("actuator ") and actuator:
-            own = f"{one.armature / actuator.gear**2:g} of {one.of} times the square of its gear {actuator.gear:g}"
+            own = f"{one.armature / actuator.gear**2:g} of {one.of} times the square of the gear {actuator.gear:g}"
             unit = mechanism.units[mechanism.coordinates.index(name)]
             gears.append(f"Rotor of {name}: {taken['rotor']:g} {'kg m^2' if unit == 'rad' else 'kg'}, {own}.")
     joints = (_add_resistance(joint, amounts) for joint in mechanism.joints)

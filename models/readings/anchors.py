@@ -63,7 +63,7 @@ def _mesh_bodies(source: Source) -> tuple[str, ...]:
 def _distance(model: Any, data: Any, body: int, point: Array, meshed: tuple[str, ...]) -> tuple[float, float]:
     """Compute the distance of a point on a body from the nearest geom box or site, and the extent of these [m].
 
-    Geoms and sites of bodies fixed to the body count, too. The extent is infinite without geoms and sites, or with a
+    Geoms and sites of bodies fixed to the body also count. The extent is infinite without geoms and sites, or with a
     mesh.
     """
     fixed = [k for k in range(model.nbody) if model.body_weldid[k] == model.body_weldid[body]]

@@ -19,8 +19,8 @@ from screwgauge.reference.rotations import Array
 
 #: Text in MuJoCo's error about a file that a different library may accept -> remedy.
 _REMEDIES = {
-    "larger than mjMINVAL": "set mass and moments of inertia of that link above 1e-15 kg and kg m^2, such as 1e-6 of "
-    "its neighbour's, or read it with Pinocchio",
+    "larger than mjMINVAL": "set mass and moments of inertia of that link above 1e-15 kg and kg m^2, e.g. to 1e-6 of "
+    "its neighbour's values, or read it with Pinocchio",
     "positive eigenvalues": "use a tensor with positive principal moments for that link, or read it with Pinocchio",
     "A + B >= C": "use the tensor of a possible body for that link, or read it with Pinocchio",
     "top level": "read it with Pinocchio: in MuJoCo, only direct children of the world can float",

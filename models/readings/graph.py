@@ -134,7 +134,7 @@ def read_graph(
 
     Raises:
         ScrewgaugeError: A moving body has the name of the ground, a mimic refers to a missing joint, or the file has no
-            links or too many.
+            links or too many links.
     """
     check_count(len(links), "links", where)
     if not links:

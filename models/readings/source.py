@@ -305,7 +305,7 @@ def _joints(source: Source, *, by_names: bool) -> tuple[str, ...]:
 
 
 def _bodies(elements: Iterable[ET.Element]) -> Iterator[Branch]:
-    """Yield the bodies directly inside the given elements, including those in frames."""
+    """Yield the bodies directly inside the given elements, including bodies in frames."""
     for child in chain.from_iterable(elements):
         if child.tag == "frame":
             yield from _bodies([child])

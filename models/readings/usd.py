@@ -208,7 +208,7 @@ class _Stage:
             if not whole.mass:  # OpenUSD's default
                 r = 0.1 * self.unit
                 whole = Matter(self.kilo, np.zeros(3), 0.4 * self.kilo * r * r * np.eye(3))
-                what = f"mass or inertia of body {name}, which specifies none: a ball of {r:g} m, 1 kg unless specified"
+                what = f"mass or inertia of body {name}, which specifies none: a ball of radius {r:g} m, default 1 kg"
                 self.content.extend([] if weighs else [Content("read otherwise by the library", what)])
             matter = self.stated(prim, scale, whole)
         if value(prim, "physics:kinematicEnabled"):

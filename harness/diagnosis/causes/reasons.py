@@ -333,7 +333,7 @@ def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Tri
 
 
 def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array]]]:
-    """If a body has the same links in both files, yield their names and, in link frames, mass properties in A and B."""
+    """If a body has the same links in both files, yield each link's name and its mass properties in A and B."""
     bodies = pair.a.bodies[name], pair.b.bodies[pair.bodies[name]]
     one, two = (m.reading.bodies[each.members[0]] for m, each in zip((pair.a, pair.b), bodies, strict=True))
     if max(len(body.members) for body in bodies) > 1 or not one.parts or {*one.parts} != {*two.parts}:

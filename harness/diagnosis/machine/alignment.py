@@ -200,7 +200,7 @@ class _Walk:
         self.open_b = [link for link in self.open_b if {*link.names} != theirs]
 
     def _skip(self, near: str) -> list[tuple[Link, Link]]:
-        """Where a link is missing, pair links of a body with coincident links one step further out on its partner."""
+        """Where a link is missing, pair links of a body with coincident links that are one link farther out."""
         if len(self.a.links) == len(self.b.links):
             return []
         there = self.bodies[near]
