@@ -18,18 +18,18 @@ the share of the work that is done, 0 to 1; `quiet` ignores it. An engine that c
 **Question.** A `Problem` has a task, the acting forces, the names of the wanted quantities, the rule for redundant
 actuators, and named points (`Point`). Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an
 `Integration`) and `States` (given states of an open tree). `Applied` holds gravity (`GRAVITY` by default), loads
-(`Load`), springs (`JointSpring`, `PointSpring`) and motors (`Motor`). A `Load` may vary over time by a `Course` or
-`Samples`, see its `at`, and may turn with its body (`axes`). `GIVEN` names the default quantities of a given motion,
+(`Load`), springs (`JointSpring`, `PointSpring`) and motors (`Motor`). A `Load` may vary over time as a `Course` or
+`Samples`, see `Load.at`, and may turn with its body (`axes`). `GIVEN` names the default quantities of a given motion,
 `OF_MOTION` all available ones.
 
 **Description.** `load_mechanism` reads a `Mechanism` of `Body`, `Joint` (with a `Frame` on each side) and couplings
-(`Coupling`, a `PolynomialSum`; one with `fixing` locks a fixed joint). `GROUND` is the name of the ground.
+(`Coupling`, a `PolynomialSum`; a coupling with `fixing` locks a fixed joint). `GROUND` is the name of the ground.
 `resistances` lists rotors, dampers and dry friction as `Resistance`.
 
-**Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` returns the ordered
-components and units of each quantity, of type `Names`. `stages` returns the last stage of the computation that the
-wanted quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer` builds the
-solution from a function that solves each part of a motion (`SolvedPart`), with condition numbers in a `Trust`.
+**Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each quantity. `names` returns the
+ordered components and units of each quantity, of type `Names`. `stages` returns the last stage of the computation that
+the wanted quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer` builds
+the solution from a function that solves each part of a motion (`SolvedPart`), with condition numbers in a `Trust`.
 
 **Bodies and joints.** `body_poses` computes the poses of bodies from joint coordinates, such as those of the home pose;
 `absolute_poses` computes them from positions and quaternions. `read_joints` reads joint coordinates from poses,

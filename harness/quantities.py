@@ -74,9 +74,9 @@ class NumberType:
     sure: float
 
 
-#: The tolerances of the quantities apply to float64. The eps of float32 times the usual condition is close to half of
-#: its
-#: digits, so its tolerances follow from an estimate for each quantity, see `screwgauge.engines.rounding`.
+#: The tolerances of the quantities apply to float64. The eps of float32 times the usual condition number
+#: is close to half of its digits, so that float32's tolerances follow from an estimate for each quantity, see
+#: `screwgauge.engines.rounding`.
 FLOAT64 = NumberType("float64", float(np.finfo(np.float64).eps), limit=1e-8, zero=SOLVED, sure=0.0)
 _HALF = float(np.finfo(np.float32).eps) ** 0.5
 FLOAT32 = NumberType("float32", float(np.finfo(np.float32).eps), limit=_HALF, zero=_HALF, sure=_HALF)
@@ -170,8 +170,8 @@ RATIOS = {"rad/rad": 0, "m/m": 0, "m/rad": 1, "rad/m": -1}
 #: Fraction of its natural scale, or of its largest term, below which a magnitude cannot serve as scale.
 FLOOR = 1e-6
 #: Ratio of the error of a motion to the tolerance of its steps. Smooth established problems show up to 160
-#: (a01-pendulum
-#: at 1e-6), stiff ones less; singular poses multiply errors further, so scenes that pass them set their own tolerances.
+#: (a01-pendulum at 1e-6), stiff problems less; singular poses multiply errors further, so that scenes that pass them
+#: set their own tolerances.
 GROWTH = 1e3
 
 

@@ -103,7 +103,7 @@ def _write(
 
 
 _CAMPAIGN = "run pytest -m campaign -k {} in a checkout, see reports/README.md"
-_KEPT = "keep check.json of each check, and compare with a known state using check --baseline"
+_KEPT = "keep check.json of each check, and compare with an earlier check using check --baseline"
 _TLS = "omit it, and use tls:// or a network that you trust: Dask has no login, see harness/guide/cluster.md"
 _PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
 _ENDED, _RENAMED = "is no longer part of the package", "was renamed"
@@ -120,7 +120,7 @@ ENDED = {
     "history": (_ENDED, _KEPT),
     "paper": (_ENDED, _PAPER),
     "run --errata": (_ENDED, _PAPER),
-    "view --mujoco": (_ENDED, "write its MJCF with screwgauge models, and run python -m mujoco.viewer --mjcf=FILE"),
+    "view --mujoco": (_ENDED, "write an MJCF with screwgauge models, and run python -m mujoco.viewer --mjcf=FILE"),
     "view --video": (_ENDED, "write the animated page with view --out FILE.html"),
 }
 

@@ -25,7 +25,7 @@ from screwgauge.scene.scene import Scene
 MECHANISMS = {
     "arm7": "a tree without loops",
     "slider-crank": "R and P joints, a load",
-    "five-bar": "two freedoms, R joints",
+    "five-bar": "two degrees of freedom, R joints",
     "double-cardan": "U joints",
     "rccc": "C joints",
     "stewart": "F joint to the ground, U, P, S",
@@ -107,7 +107,7 @@ def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
     """Equations of motion, closure and power balance hold among the engine's own numbers."""
     results = run_engine(entry, built_in(name), OF_MOTION)
     if not len(results.judge[results.judge["engine"] == entry.name]):
-        pytest.skip(f"{entry.name} gives too little for {name} to be judged")
+        pytest.skip(f"{entry.name} returns too few quantities for {name} to be judged")
     faults = results.faults[results.faults["engine"] == entry.name]
     rows = faults.to_dict("records")
     said = [f"{row['residual']} {row['max_scaled']:.2g} at {row['worst_component']}" for row in rows]

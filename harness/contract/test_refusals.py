@@ -43,7 +43,7 @@ def test_it_takes_something_and_gives_nothing_that_it_lacks(loaded: Loaded, give
     assert loaded.quantities
     every = replace(given, wanted=frozenset((*given.wanted, *loaded.engine.lacks)))
     given_though = {*loaded.ask(every).values} & {*loaded.engine.lacks}
-    assert not given_though, f"the engine gives {', '.join(sorted(given_though))}, which `lacks` names; remove it there"
+    assert not given_though, f"the engine computes {', '.join(sorted(given_though))}; remove this from `lacks`"
 
 
 def test_another_number_of_independent_coordinates_is_refused(loaded: Loaded, given: Problem) -> None:

@@ -41,8 +41,7 @@ T = TypeVar("T")
 MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
 TICK = 0.2  # time between checks of progress and clock [s]
 #: Time [s] after which an idle process ends, and after which it gets no further job: loky does not notice the crash of
-#: a
-#: process that it starts to replace one that ended while idle.
+#: a process that it starts to replace an idle process that ended.
 IDLE, ASKED = 60.0, 30.0
 #: Time [s] after its time limit at which a process ends itself, if the parent, which can report more, has not ended it.
 GRACE = 5.0

@@ -70,7 +70,7 @@ def idle_entries(
     if {*scene.models} <= {*solutions}:
         for entry in scene.allow:
             if entry not in found:
-                yield f"allow lists {entry}, which admits nothing; remove this entry"
+                yield f"allow lists {entry}, which has no effect; remove this entry"
 
 
 def unread_files(scene: Scene, names: Collection[str]) -> dict[str, str]:
@@ -78,7 +78,7 @@ def unread_files(scene: Scene, names: Collection[str]) -> dict[str, str]:
     sentences = {}
     for name in (name for name in scene.models if name not in names):
         model = f"{scene.models[name]} (models.{name})"
-        sentences[f"models.{name}.{UNREAD}"] = f"{model} is not read, because {name} does not run"
+        sentences[f"models.{name}.{UNREAD}"] = f"{model} is not read, because {name} was not run"
     for name in (name for name in scene.tables if name not in names):
         table = f"{scene.tables[name].file or 'an array'} (tables.{name})"
         sentences[f"tables.{name}.{UNREAD}"] = f"{table} is ignored, because no engine of that name was requested"

@@ -30,7 +30,7 @@ from screwgauge.study.lifeline import end_with_thread
 from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor, InTurn, Task, grow_table
 
-#: Packages that pin before version 4 was built with, but whose version it does not restrict: newer ones lack
+#: Packages that pin before version 4 was built with, but whose version it does not restrict: newer versions lack
 #: libtinyxml2.so.10 or liburdfdom_sensor.so.4.0, so that importing pin fails (tried with pin 3.4.0 and 3.9.0).
 BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
 #: Time limit of an installation, and of a check [s].
@@ -38,10 +38,8 @@ LIMIT = 3600.0
 
 
 #: Result of a check: ``agree``, ``differ``, ``failed`` or ``not installed``; number of passing scenes, and of all
-#: scenes;
-#: fewest digits of two engines that agree, with scene and quantity; quantities out of tolerance, with numbers of
-#: scenes;
-#: sentence on the first scene that does not pass, or reason why there is no scene.
+#: scenes; fewest digits to which two engines agree, with scene and quantity; quantities out of tolerance, with numbers
+#: of scenes; sentence on the first scene that does not pass, or reason why there is no scene.
 RESULT: dict[str, Any] = {
     "status": "",
     "passing": 0,

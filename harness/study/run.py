@@ -222,7 +222,7 @@ def _remarks(asked: _Asked) -> dict[str, str]:
     scene, said = asked.scene, [*asked.scene.mechanism.remarks, *asked.warnings]
     if scene.changed:
         said.append(
-            f"the mechanism was changed after it was read from {scene.mechanism_file.name}, and runs as changed"
+            f"the mechanism was changed after it was read from {scene.mechanism_file.name}, and is used as changed"
         )
     return dict.fromkeys(doubts(scene), DOUBT) | dict.fromkeys(said, "")
 
@@ -363,7 +363,7 @@ def _estimate_integration(
 
 
 def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, Solution]) -> Iterator[SizedResidual]:
-    """Yield rows without values, for pairs of engines one of which lacks a quantity or part of it."""
+    """Yield rows without values, for pairs in which one engine lacks a quantity or part of it."""
     scene, answers = asked.scene, answered.answers
     reasons = [
         (quantity, one.engine, f"{one.engine} {one.sentence}")

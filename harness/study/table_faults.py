@@ -105,7 +105,7 @@ def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanat
 
 
 def _find_explanations(columns: Sequence[Column], expected: Expected) -> list[list[Explanation]]:
-    """Return all explanations of each column that have its smallest number of faults."""
+    """Return, for each column, all explanations with the smallest number of faults."""
     X = np.stack([column.values for column in columns], axis=1)
     every = np.arange(len(X))
     plain = [_explain(column, every, column.expected, (), MODES[0]) for column in columns]

@@ -103,7 +103,7 @@ def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
         components, units = names[quantity]
         header.check_unit(units[components.index(header.component)], table.where)
         if header.component in columns.setdefault(quantity, {}):
-            raise DescriptionError(f"{header.component} of {quantity} appears twice", table.where, "remove one")
+            raise DescriptionError(f"{header.component} of {quantity} appears twice", table.where, "remove one column")
         columns[quantity][header.component] = values if header.factor == 1.0 else header.factor * values
     for quantity in table.error:
         check_choice("quantity", [quantity], columns, f"{table.where}, error")
@@ -126,7 +126,7 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
         *others, last = compared or having
         several = f"{', '.join(others)} or {last}"
         remedy = f"rename it, for example to {last}/{header.component}, or choose one quantity with --quantities"
-        raise DescriptionError(f"column '{header.text}' may be {several}", where, remedy)
+        raise DescriptionError(f"column '{header.text}' may belong to {several}", where, remedy)
     return compared[0]
 
 

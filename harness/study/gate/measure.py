@@ -172,7 +172,7 @@ def _reason_to_widen(scene: Scene, quantity: str, solutions: Sequence[Solution])
         return "the integration error"
     tables = [one.engine for one in solutions if one.engine in scene.tables]
     if stated := [name for name in tables if quantity in scene.tables[name].error]:
-        return f"the error that {stated[0]} states"
+        return f"the error stated in {stated[0]}"
     errors = [one.errors[quantity] for one in solutions if quantity in one.errors]
     return max(errors, key=lambda error: max(error.absolute.values(), default=0.0)).source
 

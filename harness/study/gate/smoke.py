@@ -20,9 +20,8 @@ from screwgauge.study.comparison import Comparison, built_in
 from screwgauge.study.gate.items import GateRow
 from screwgauge.study.gate.measure import GateSettings, compare_scene
 
-#: Samples of an exciting motion, out of 101, that a smoke test solves, and its amplitude [rad or lengths]. Following
-#: the
-#: motion up to these samples takes most of the time.
+#: Samples of an exciting motion, out of 101, that a smoke test solves, and the amplitude of the motion [rad or
+#: lengths]. Following the motion up to these samples takes most of the time.
 SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
 #: Fraction of a simulation that a smoke test integrates.
 BEGINNING = 1e-2
@@ -32,7 +31,7 @@ OF_FULL_CUTS, AXIAL = "joint_acceleration", 2
 #: Size of a planted difference as a multiple of its tolerance, and the relative accuracy with which it must be found.
 PLANTED, EXACTLY = 4.0, 1e-3
 TWIN = "planted"
-#: Mobility with which all components are determined, used instead of the actual one.
+#: Mobility with which all components are determined, used instead of the actual mobility.
 _ALL_DETERMINED = Mobility(0, 0, 0, 0, 0, 0, 0, 0, (), (), ())
 
 
@@ -140,7 +139,7 @@ def with_truth(scene: Scene) -> Scene | None:
 
 
 def find_blind_spot(results: Comparison) -> str:
-    """Plant differences, and report the first one that the comparison misses or quantifies wrongly.
+    """Plant differences, and report the first difference that the comparison misses or quantifies wrongly.
 
     An answer is compared with a copy in which one value of each quantity and unit has a known error.
 
