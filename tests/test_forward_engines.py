@@ -184,7 +184,7 @@ def test_bad_problems_are_said(engine):
 
     refused("unknown method 'RK5'", UnknownNameError, integration=Integration("RK5"))
     refused("unknown coordinate 'd9'", UnknownNameError, applied=scene.under(motors=hold({"d9": 1.0})).applied)
-    refused(r"start of shape \(2,\) for 1 independent", screwgauge.ScrewgaugeError, start=np.zeros(2))
+    refused(r"start must have shape \(1,\), got \(2,\)", screwgauge.ScrewgaugeError, start=np.zeros(2))
     refused("has no loops file", ModelFileError, files=ModelFiles(files.model))
 
 

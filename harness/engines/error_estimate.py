@@ -169,7 +169,7 @@ def examine_part(
     units: Units,
     length: float,
 ) -> SolvedPart:
-    """Complete a part of a solution: solve doubtful samples again, and reject singular ones.
+    """Complete a part of a solution: solve doubtful samples again, and reject singular samples.
 
     Args:
         A, k: As for `perturbations`.

@@ -43,7 +43,7 @@ class Answers:
         mass_matrix: Shape (n, n_freedom, n_freedom).
         bias: Forces at zero accelerations. Shape (n, n_freedom).
         gravity: Gravity forces. Shape (n, n_freedom).
-        velocity: Angular velocity of each body and velocity of its origin, world axes. Shape (n, n_body, 6).
+        velocity: Angular velocity of each body and velocity of its origin, in world axes. Shape (n, n_body, 6).
         acceleration: Time derivatives of `velocity`. Shape (n, n_body, 6).
     """
 

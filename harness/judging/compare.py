@@ -181,7 +181,7 @@ def _components(
 
 
 def _pair(rows: Sequence[SizedResidual]) -> SizedResidual:
-    """Summarise the components of a quantity and unit by the worst one; those out of tolerance take precedence."""
+    """Represent a quantity and unit by the worst component; components out of tolerance take precedence."""
     every, rows = rows, [row for row in rows if not row.ok] or rows
     rows = [row for row in rows if not row.undecided] or rows
     sizes = np.array([row.error for row in rows])

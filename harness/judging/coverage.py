@@ -147,7 +147,7 @@ def coverage(
     """Measure which mistakes a given motion would reveal in the requested quantities.
 
     Args:
-        solutions: Solutions; the first one with joint coordinates provides the poses.
+        solutions: Solutions; the first solution with joint coordinates provides the poses.
         counted: Uniqueness of forces; only determined reactions count.
         tolerance_of: Quantity -> scaled error up to which two engines agree.
     """

@@ -167,7 +167,7 @@ def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
 
 
 def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
-    """Return the kinds of terms and the required wrenches due to each; `inertial` includes the Lie bracket."""
+    """Return the kinds of terms and the required wrenches due to each kind; `inertial` includes the Lie bracket."""
     applied, tree, com = now.problem.applied, now.motion.tree, now.motion.com
     split = newton_euler(tree, com.R, com.w, com.b, com.a, applied.g)
     nothing = np.zeros((*com.p.shape[:2], 6))

@@ -172,7 +172,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
 
 
 def body_motions(answer: Answer) -> Residuals:
-    """Yield differences between reported body motions and those computed from the joint coordinates."""
+    """Yield differences between reported body motions and body motions computed from the joint coordinates."""
     for what, quantity in BODY_MOTION.items():
         if answer.has(quantity):
             values = answer.values[quantity]

@@ -53,7 +53,7 @@ class LeftOutTerm:
 
     Attributes:
         kind: One of the kinds named by the constants of this module.
-        names: Owners, each as noun and name: ``joint m1``.
+        names: Owners, given as noun and name: ``joint m1``.
         size: Largest force that this kind adds to an actuator or, if actuators do not drive all degrees of freedom,
             along an independent coordinate [unit].
         of: Largest total force of this unit in the same components, including all omitted forces [unit].

@@ -28,7 +28,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 VARIABLE = "SCREWGAUGE_CACHE"
 DAMAGED = "the cache file was damaged; its content was recomputed"
-STALE = "the cache file was from another version; its content was recomputed"
+STALE = "the cache file was from a different version; its content was recomputed"
 #: Name of the file with the secret, and length of the secret in bytes.
 SECRET, LENGTH = "secret-1", 32
 MOST = 2**28  # largest size of a file in bytes
@@ -38,7 +38,7 @@ _CHANGEABLE = stat.S_IWGRP | stat.S_IWOTH
 
 
 class _UnsafeError(OSError):
-    """Raised for a file or folder that other users could have written, or that cannot be trusted in another way."""
+    """Raised for a file or folder that other users could have written, or that cannot be trusted for another reason."""
 
 
 def folder() -> Path:

@@ -112,7 +112,7 @@ class InverseDynamics:
         bias: Forces due to gravity and velocities, without joint forces. Shape (n, n_freedom).
         gravity: Forces due to weight. Shape (n, n_freedom).
         passive: Forces of damping, friction and springs. Shape (n, n_freedom).
-        velocity: Angular velocity of each body and velocity of its origin, world axes. Shape (n, n_body, 6).
+        velocity: Angular velocity of each body and velocity of its origin, in world axes. Shape (n, n_body, 6).
         acceleration: Time derivatives of `velocity`. Shape (n, n_body, 6).
     """
 

@@ -39,7 +39,7 @@ JOINT_KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 
 def freedoms(joint: Joint) -> list[tuple[str, Array]]:
-    """List a joint's elementary joints in order, each as its kind and its axis in the joint's frame.
+    """List a joint's elementary joints in order: kind, and axis in the joint's frame.
 
     Hinges have the joint's axes. A single slide is along the first axis, two slides are orthogonal to this axis, and
     three slides are along the frame's axes.

@@ -24,7 +24,7 @@ AnyTree = TypeVar("AnyTree", bound=SpanningTree, covariant=True)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moving:
-    """Motion of m frames at n samples, world axes; samples are contiguous in memory.
+    """Motion of m frames at n samples, in world axes; samples are contiguous in memory.
 
     Attributes:
         R, p: Orientation (n, m, 3, 3) and origin [m] (n, m, 3).

@@ -90,7 +90,7 @@ class SpanningTree:
     """A tree of links.
 
     Attributes:
-        links: Links, each after its parent; numbered from 1.
+        links: Links, in an order in which parents come first; numbered from 1.
         freedom: Number of velocities.
         bodies: Frames of the bodies.
         mass, com, inertia: Mass [kg], centre of mass [m] and moment of inertia about this centre [kg m^2] of each body,

@@ -27,7 +27,7 @@ class JointWrench:
 
     Attributes:
         name, unit: Name of the reaction component, actuator or coordinate along which the wrench acts; N or N m.
-        force, moment: In world axes, one of them zero. Shape (n, 3), or (3,) for zero.
+        force, moment: Force and moment in world axes; one of the two is zero. Shape (n, 3), or (3,) for zero.
         point: Point of application [m]. Shape (n, 3).
     """
 
@@ -135,7 +135,7 @@ def coordinate_wrench(motion: TreeMotion[MechanismTree], coordinate: str, amount
 
 
 def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
-    """Return a unit force along a coordinate without work on the joint's other coordinates: force, moment, (n, 3).
+    """Return a unit force along a coordinate without work on the joint's other coordinates: force and moment, (n, 3).
 
     Args:
         near: World axes of the joint's frame on its parent. Shape (n, 3, 3).

@@ -113,7 +113,7 @@ WRONG = {
     "a note": (_with(notes="note"), "notes"),
     "notes without end": (_with(notes=("note",) * 100_000), "100000 notes"),
     "warnings": (_with(warnings=(b"x",)), "bytes"),
-    "version": (_with(version=3), "text"),
-    "setting": (_with(setting=None), "text"),
-    "stopped": (_with(stopped=1), "text"),
+    "version": (_with(version=3), "string"),
+    "setting": (_with(setting=None), "string"),
+    "stopped": (_with(stopped=1), "string"),
 }

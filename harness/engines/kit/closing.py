@@ -131,7 +131,8 @@ class ClosedMotion:
         Args:
             bias: Second derivative of the gaps at zero accelerations of x, ``dG/dt xd``. Shape (n, m).
             rest: Accelerations of the bodies at zero accelerations of x, ``dT/dt xd``. Shape (n, n_body + 1, 6).
-            ydd: Second derivatives of the independent coordinates, by default those of the motion. Shape (n, k).
+            ydd: Second derivatives of the independent coordinates, by default the motion's second derivatives. Shape
+                (n, k).
 
         Returns:
             Second derivatives of x, shape (n, n_x), and accelerations of the bodies, angular, then of their origins,

@@ -77,7 +77,7 @@ def reactions(mechanism: Mechanism, R: Array, p: Array, wrenches: Array, couplin
     Args:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
         wrenches: Wrench of each joint in description order: force of the parent on the child, then moment about the
-            joint's point of the child; world axes. Shape (n, n_joint, 6).
+            joint's child-side point, in world axes. Shape (n, n_joint, 6).
         couplings: Force of each coupling along its coordinate; none by default. Shape (n, n_coupling).
 
     Returns:

@@ -1,7 +1,7 @@
 """The engines `mjx` and `mjwarp`: MuJoCo's array ports MJX (in JAX) and MuJoCo Warp on the MJCF of the minimal cut.
 
 The engine ``mujoco``'s code reads the file. The port computes all values for `BLOCK` samples at a time, so that code is
-compiled only once. Equality constraints are omitted, because the ports support only soft ones.
+compiled only once. Equality constraints are omitted, because the ports support only soft constraints.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Buffers(Mapping[str, Array]):
     """
 
     def __init__(self, owner: object, counts: Mapping[str, int], n: int, given: Mapping[str, Array]) -> None:
-        """Check given arrays and allocate the others.
+        """Check given arrays and allocate all other arrays.
 
         Args:
             counts: Quantity -> number of components.

@@ -137,7 +137,7 @@ class Solver:
         if out is None:
             return self._answer_in_pool(given, mode, t)
         if type(out) is not Buffers or out.owner is not self:
-            made = "buffers of another solver" if type(out) is Buffers else type(out).__name__
+            made = "buffers of a different solver" if type(out) is Buffers else type(out).__name__
             raise DescriptionError(
                 f"expected buffers of this solver, got {made}",
                 "out",

@@ -36,7 +36,8 @@ MISSED, TIMES = 8, 3
 
 
 class TracedForward:
-    """Evaluator that differentiates states (y, yd, work) with a program; each pose is predicted from the previous one.
+    """Evaluator of time derivatives of states (y, yd, work) using a program; each pose is predicted from the previous
+    one.
 
     Attributes:
         pose: Closed pose from which the next pose is predicted, see `forward_program`. Shape (d + d k + k, width).

@@ -1,6 +1,6 @@
 """Time integration in the independent coordinates, with scipy's methods and the accelerations of `equations.forward`.
 
-Traced programs of the same equations answer most states; the array solver answers the others.
+Traced programs of the same equations answer most states; the array solver answers all other states.
 """
 
 from __future__ import annotations

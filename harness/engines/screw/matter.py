@@ -2,8 +2,8 @@
 
 Moments are mass, mass times centre of mass, and second moments about the body's origin. If a load acts at the centre
 of mass, forces are also linear in the position of that centre. These variables are called features. A program
-evaluates the machine and one neighbouring machine per feature, which determines a matrix; every variant then requires
-only a matrix product.
+evaluates the machine and, for each feature, a neighbouring machine; the results determine a matrix; every variant then
+requires only a matrix product.
 """
 
 from __future__ import annotations

@@ -39,8 +39,8 @@ from screwgauge.solution import Solution
 
 #: Samples of the motion at which pivots are chosen.
 ANCHORS = 16
-LOST = "the pose cannot be reached from home without passing near a singular pose"
-TWICE = "two poses with these coordinates can be reached from home, so the coordinates are ambiguous"
+LOST = "the pose cannot be reached from the home pose without passing near a singular pose"
+TWICE = "two poses with these coordinates can be reached from the home pose, so the coordinates are ambiguous"
 
 
 class TracedWork:
@@ -272,7 +272,7 @@ class TracedWork:
         *,
         thorough: bool,
     ) -> SolvedPart:
-        """Answer samples with the program; the part lists those left in doubt."""
+        """Answer samples with the program; the part lists the samples left in doubt."""
         values, n = {name: arrays[name] for name in self.wanted}, len(motion)
         with self.clock.stage("program"):
             out, clear = self._run(traced, motion, guess, np.empty((0, n)) if loads is None else loads, arrays)
