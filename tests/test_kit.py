@@ -209,3 +209,19 @@ def test_an_engine_that_contradicts_itself_is_told_where(word):
     wrong = type("Wrong", (Bodies,), SLIPS[word])(scene.mechanism)
     with pytest.raises(ValueError, match=f"^{word}"):
         kit.solve_constrained(("wrong", "1", ""), wrong, scene.problem(["generalized_force"]))
+
+
+def test_an_answer_without_estimates_has_the_requested_values_and_no_errors():
+    scene = screwgauge.load_scene("five-bar")
+    values = solved(scene, "joint_position", "actuator_force")
+    arrays = {name: x.array for name, x in values.items()}
+
+    def part(motion, applied):
+        some = {name: array[np.isin(scene.t, motion.t)] for name, array in arrays.items()}
+        return kit.SolvedPart(some, kit.Trust.unknown(len(motion)), np.zeros(0, np.intp), {})
+
+    problem = scene.problem(["actuator_force"])
+    solution = kit.answer(("other", "1", ""), scene.mechanism, problem, part)
+    assert {*solution.values} == {"actuator_force"}
+    assert np.array_equal(solution.values["actuator_force"].array, arrays["actuator_force"])
+    assert (solution.errors, solution.assembly) == ({}, None)

@@ -43,7 +43,7 @@ def assemble(
         parts.append(solve_part(slice(first, first + at_once)))
         progress(min(1.0, (first + at_once) / n))
     table, (engine, version, setting) = names(), labels
-    q = [part.q for part in parts if part.q is not None]
+    q, rated = [part.q for part in parts if part.q is not None], [not np.isnan(part.trust.gain).all() for part in parts]
     values = {key: Values(*table[key], np.concatenate([part.values[key] for part in parts])) for key in parts[0].values}
     return Solution(
         engine=engine,
@@ -52,7 +52,7 @@ def assemble(
         values=values,
         condition=np.concatenate([part.trust.condition for part in parts]),
         timings=clock.timings(engine, setting, n),
-        errors={name: error_of(name, parts, has, *size) for name, has in values.items()},
+        errors={name: error_of(name, parts, has, *size) for name, has in values.items()} if any(rated) else {},
         assembly=np.concatenate(q) if len(q) == len(parts) else None,
     )
 

@@ -128,6 +128,7 @@ class SolvedPart:
 
     Attributes:
         values: Quantity -> values. Shape (n, m).
+        trust: Condition numbers; errors are not estimated if its `gain` is NaN at all samples, as in `Trust.unknown`.
         doubtful: Samples that were solved again.
         moved: Quantity -> change in the components at these samples. Shape (n_doubtful, m).
         q: All joint coordinates [rad or m], shape (n, n_q); None if unknown.
