@@ -60,7 +60,7 @@ class CheckRow:
 
 
 def _names(item: str, what: str, expected: object, actual: object) -> CheckRow:
-    """Compare names or texts."""
+    """Compare names or other strings."""
     return CheckRow(item, what, str(expected), str(actual), math.nan, 0.0, expected == actual)
 
 

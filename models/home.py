@@ -139,7 +139,7 @@ def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Me
             home, reached = closed[0], goal
         elif (step := 0.5 * step) < SHORTEST:
             what = "no pose near the home pose closes the loops with these numbers"
-            raise ClosureError(what, mechanism.where, "change the numbers less, or together")
+            raise ClosureError(what, mechanism.where, "change the numbers less, or all at once")
     return _at_home(changed(1.0), home)
 
 
@@ -222,7 +222,7 @@ def _near_turns(loops: Loops, q: Array) -> Array:
 
 
 def _places(loops: Loops, q: Array) -> Array:
-    """Return the orientations of all bodies, and their origins in lengths of the mechanism. Shape (12 n_body,)."""
+    """Return the orientations of all bodies, and their origins in mechanism lengths. Shape (12 n_body,)."""
     rest = np.zeros((1, len(loops.size)))
     bodies = move(loops.tree, TreeStates(q[None], rest, rest)).bodies
     return np.concatenate([bodies.R.ravel(), bodies.p.ravel() / loops.length])

@@ -205,7 +205,7 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
         force: Replace an existing file.
 
     Raises:
-        OutputError: The path is that of B, has the suffix of a different format, is in use, or cannot be written.
+        OutputError: The path is the path of B, has the suffix of a different format, is in use, or cannot be written.
     """
     if os.path.exists(out) and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")

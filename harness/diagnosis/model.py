@@ -32,7 +32,7 @@ Read = Callable[[Path, str, bool], Reading]
 #: Loops files of URDFs: one file for both models, or a separate file for each model.
 Loops = str | Path | Sequence[str | Path | None] | None
 CUTS = ("minimal", "full")
-#: Largest gap of loops that count as closed at the home pose, as for a description [rad or lengths of the model].
+#: Largest gap of loops that count as closed at the home pose, as for a description [rad or model lengths].
 HOME = 1e-9
 
 

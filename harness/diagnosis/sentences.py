@@ -276,7 +276,7 @@ def _join(sentences: Iterable[str]) -> str:
 
 
 def notes(found: Findings) -> Iterator[str]:
-    """Yield sentences about assumptions on the models; an assumption that both models share appears once."""
+    """Yield sentences on assumptions about the models; an assumption that both models share appears once."""
     sides = dict[str, list[str]]()
     for side, model in zip("AB", (found.a, found.b), strict=True):
         for sentence in _of_side(model, found):

@@ -72,7 +72,7 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
     path = folder / path.name if uri.startswith("model://") else path  # models are sibling folders
     if "://" in name:
         raise ModelFileError(
-            f"includes '{uri}', which is not on this machine", str(path), "copy that model into its folder"
+            f"includes '{uri}', which is not on this computer", str(path), "copy that model into its folder"
         )
     file = locate_file(path, name, folder, "includes")
     if is_file(file):

@@ -106,7 +106,7 @@ def numbers(prim: Any, *names: str, default: Sequence[float]) -> Array:
             is infinite. Shape (n,).
 
     Raises:
-        ModelFileError: The value does not consist of n numbers, or a number is not finite where it must be.
+        ModelFileError: The value does not consist of n numbers, or a number is NaN or, with finite defaults, infinite.
     """
     for name in names:
         if (found := value(prim, name)) is not None and np.size(found):

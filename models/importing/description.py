@@ -65,7 +65,7 @@ def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
 
 
 def _texts(text: str, name: str, home: str) -> Iterator[str]:
-    """Yield texts with the home of a joint at each possible location; the last text adds a separate table."""
+    """Yield texts with the home entry of a joint at each possible location; the last text adds a separate table."""
     quoted = rf"(?:\"{re.escape(name)}\"|'{re.escape(name)}'|{re.escape(name)})"
     for place, new in _PLACES:
         for match in re.finditer(place.format(quoted), text, re.MULTILINE | re.DOTALL):

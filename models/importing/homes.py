@@ -16,7 +16,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import gaps_and_rows, move_joints
 from screwgauge.witness.tree import TreeStates
 
-#: Number of Newton starts near home, and their largest distance from home [rad or lengths of the model]; every second
+#: Number of Newton starts near home, and their largest distance from home [rad or model lengths]; every second
 #: start is followed by a start anywhere within the limits.
 STARTS, FARTHEST, EVERY = 40, np.pi, 2
 ENOUGH = 8  # number of closed poses within limits to find, if none is well conditioned
@@ -42,7 +42,7 @@ class Home:
     Attributes:
         start: Name of the starting pose of the search.
         q: Coordinates. Shape (n_coordinate,).
-        error: Largest residual of the loop equations [rad or lengths of the model].
+        error: Largest residual of the loop equations [rad or model lengths].
         rank: Rank of the loop equations.
         least: Smallest singular value of the loop equations, ignoring redundant equations; infinite without loops.
         beyond: Joints outside their limits.
@@ -230,7 +230,7 @@ def _lack(loops: Loops, q: Array) -> float:
     return float(np.linalg.norm(_wish(loops, q)))
 
 
-#: Largest residual of a closed loop [rad or lengths of the model]; descriptions are only checked to 1e-9.
+#: Largest residual of a closed loop [rad or model lengths]; descriptions are only checked to 1e-9.
 CLOSED = 1e-11
 MINOR = 1e-3  # share of a gap below which its part in the second unit (rad or m) is not mentioned
 STEPS = 100
@@ -241,7 +241,7 @@ LATEST = 8  # number of poses whose equations are cached: evaluating a step need
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loop equations of a tree, in lengths of the model; coordinates have shape (n_coordinate,).
+    """The loop equations of a tree, in model lengths; coordinates have shape (n_coordinate,).
 
     Attributes:
         held: Joints that are locked at their home coordinates.

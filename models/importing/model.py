@@ -160,7 +160,7 @@ def describe(
         open_chain = "every hinge and slide of the open chain that follows no other joint"
         rule = "every independent hinge and slide" if reading.closures else open_chain
         driven = few_names(joint.name for joint in mechanism.actuators) or "none"
-        remarks.append(f"The file has no actuators: {rule} is driven ({driven}); choose others with --actuated.")
+        remarks.append(f"The file has no actuators: {rule} is driven ({driven}); choose other joints with --actuated.")
     return Imported(
         mechanism, springs_of(reading, mechanism), reading.gravity, names, tuple(remarks), left_out(reading, mechanism)
     )

@@ -105,7 +105,7 @@ def _beside(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
 def _unread(joints: Mapping[str, _Joint]) -> Iterator[Content]:
     """Yield the axes of ball joints, which are ignored because the coordinates of a ball do not refer to axes."""
     balls = (name for name, one in joints.items() if one.kind == "ball" and one.frame.element.find("axis") is not None)
-    return (Content(OTHER, f"axis of ball joint {name}, which has no axis") for name in balls)
+    return (Content(OTHER, f"axis of ball joint {name}, which cannot have an axis") for name in balls)
 
 
 def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:

@@ -152,7 +152,7 @@ def _ways(link: Link, D: Array, length: float, same: Sequence[float]) -> Sequenc
     """Compute the steps of the joints of a link that best approximate a displacement D.
 
     Args:
-        same: Steps that give equal coordinates; preferred if they fit equally well.
+        same: Steps that give equal coordinates; they are preferred if they fit equally well.
     """
     fitted = steps_of(link, D, length)
     if (
