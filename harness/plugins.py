@@ -20,7 +20,7 @@ actuators, and named points (`Point`). Tasks are `GivenMotion` (inverse dynamics
 `Integration`) and `States` (given states of an open tree). `Applied` holds gravity (`GRAVITY` by default), loads
 (`Load`), springs (`JointSpring`, `PointSpring`) and motors (`Motor`). A `Load` may vary over time as a `Course` or
 `Samples`, see `Load.at`, and may turn with its body (`axes`). `GIVEN` names the default quantities of a given motion,
-`OF_MOTION` all available ones.
+`OF_MOTION` all available quantities.
 
 **Description.** `load_mechanism` reads a `Mechanism` of `Body`, `Joint` (with a `Frame` on each side) and couplings
 (`Coupling`, a `PolynomialSum`; a coupling with `fixing` locks a fixed joint). `GROUND` is the name of the ground.

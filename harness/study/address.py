@@ -29,14 +29,14 @@ def address(*parts: Any, files: Iterable[Path] = ()) -> str:
     """Compute the digest that identifies a computation.
 
     Args:
-        parts: The question: strings, numbers, tables of them.
+        parts: The question: strings, numbers, and tables of strings and numbers.
         files: All files opened for the computation, including files that they include or name.
     """
     return digest_of(_machine(), versions(), _installed(), parts, [[str(file), _digest(file)] for file in files])
 
 
 def versions() -> dict[str, str]:
-    """Return versions of everything that affects results, and digests of the code of this package and of engines."""
+    """Return the versions that affect results, and digests of this package's code and of external engines."""
     packages = dict(_machine()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
     for name in PACKAGES:
         try:

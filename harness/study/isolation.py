@@ -282,7 +282,8 @@ def _executor() -> ProcessPoolExecutor:
     """Start a process that waits for jobs.
 
     Raises:
-        ScrewgaugeError: The system lacks room for semaphores of the process, or /proc, which is needed to end it.
+        ScrewgaugeError: The system has no room for semaphores of the process, or lacks /proc, which is needed to end
+            it.
     """
     remedy = "mount it as usual, or call screwgauge.run from Python, which starts no processes"
     if sys.platform == "linux" and not os.path.exists("/proc/self/stat"):

@@ -2,7 +2,7 @@
 
 Bars lie along the x axes of their bodies, so that their lengths are exactly the requested ones. A ball joint closes the
 four-bar, so that one of its three closing rows is redundant and Pinocchio divides by zero if mu = 0. Its accelerations
-are those of a planar chain of rods, from formulas that no engine uses.
+are computed for a planar chain of rods, with formulas that no engine uses.
 """
 
 from __future__ import annotations

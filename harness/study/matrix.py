@@ -138,7 +138,7 @@ def requirements(**pinned: str) -> list[str]:
 
 
 def make_environment(folder: Path, wanted: Sequence[str]) -> Path:
-    """Make an environment with this Python's version, using uv if available, else venv and pip.
+    """Make an environment with this Python's version, using uv if available, otherwise venv and pip.
 
     Raises:
         CannotError: The environment cannot be made; the message is the installer's last line.

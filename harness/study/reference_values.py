@@ -1,6 +1,7 @@
 """Reference values for measuring methods, and preparation of scenes with a given motion.
 
-Reference values come from the engine ``truth`` if it is installed, else from ``screw``, as a note states.
+Reference values come from the engine ``truth`` if it is installed, otherwise from ``screw``; a note states
+the source.
 """
 
 from __future__ import annotations
@@ -203,7 +204,7 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
     """Convert loads to forces along coordinates of the spanning tree, using the bodies that each coordinate moves.
 
     Args:
-        q: All joint coordinates; those of cut joints move no body. Shape (n, n_q).
+        q: All joint coordinates; coordinates of cut joints move no body. Shape (n, n_q).
 
     Returns:
         Forces along the coordinates. Shape (n, n_coordinate).

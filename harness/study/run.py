@@ -115,8 +115,8 @@ def run(
     """Solve a scene with the engines, compare all pairs and judge each answer. A scene with a start is integrated.
 
     Args:
-        engines: Names of engines; by default those of the scene.
-        quantities: Names of the only quantities to compute; by default those of the scene.
+        engines: Names of engines; by default as in the scene.
+        quantities: Names of the only quantities to compute; by default as in the scene.
         progress: Called during the work.
         warn: Called with a warning before a step that may take long or fail.
         date: Date of the report; now by default.
@@ -353,7 +353,7 @@ def _errors(
 def _estimate_integration(
     asked: _Asked, lay: Layout, solution: Solution, again: Sequence[Solution]
 ) -> tuple[Solution, Integrated]:
-    """Estimate the integration error from runs with looser tolerances; return it after a solution with a note on it."""
+    """Estimate the integration error from runs with looser tolerances; return a solution with a note, and the error."""
     seen = add_observables(asked.scene, lay, {f"{k}": one for k, one in enumerate(again)}, asked.wanted)
     runs = {name: one for name, one in seen.items() if name != REFERENCE}
     mechanism = asked.scene.mechanism

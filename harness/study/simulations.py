@@ -24,7 +24,7 @@ COARSEST = 0.1
 def add_observables(
     scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]
 ) -> dict[str, Solution]:
-    """Add the compared quantities to simulated motions, and the scene's reference if it has one."""
+    """Add the compared quantities to simulated motions, and the scene's reference if available."""
     solutions = {
         name: _add_observables(scene, lay, answer, wanted)
         for name, answer in answers.items()

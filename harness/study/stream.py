@@ -43,9 +43,9 @@ def stream(
     error when its turn comes.
 
     Args:
-        parts: Arrays of times [s], shape (m,) each, such as those of `times`.
+        parts: Arrays of times [s], shape (m,) each, such as the arrays that `times` yields.
         engine: Name of the engine.
-        quantities: Names of the only quantities to compute; by default those of the scene.
+        quantities: Names of the only quantities to compute; by default as in the scene.
 
     Yields:
         Times and solution of each part; forces that too few actuators cannot produce are omitted, with a note.

@@ -58,7 +58,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Faults that turn the expected values into those of a column.
+    """Faults that turn the expected values into the values of a column.
 
     Attributes:
         left: Remaining scaled error.
@@ -80,7 +80,7 @@ class Explanation:
 
 
 def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanation | None]:
-    """Explain columns by as few faults as possible, preferring faults that many columns share.
+    """Explain columns with as few faults as possible, preferring faults that many columns share.
 
     Returns:
         The explanation of each column: without faults if it agrees, None if nothing explains it.

@@ -163,7 +163,7 @@ def tree_reference(question: Question) -> Reference:
 
 
 def read(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Return loop gap, constraint forces, energy and joint positions, placing bodies by the tree coordinates."""
+    """Return loop gap, constraint forces, energy and joint positions; the tree coordinates place the bodies."""
     rows = np.arange(len(solution.condition))
     answer = answer_at(question.mechanism, question.problem, solution, rows)
     gaps = np.linalg.norm(closure_residuals(answer.motion)[0], axis=2)

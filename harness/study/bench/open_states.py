@@ -133,7 +133,7 @@ def _at(values: Mapping[str, Values], names: tuple[str, ...]) -> States:
 
 
 def _forces(given: Question, method: Method, states: States) -> Question:
-    """Pose the question for the actuator forces of the true accelerations, by inverse dynamics of the open tree."""
+    """Ask for actuator forces at the true accelerations, from inverse dynamics of the open tree."""
     task = replace(states, a=given.right.values[ACCELERATION].pick(states.coordinates).array)
     problem = replace(given.problem, task=task, wanted=frozenset(("actuator_force",)))
     return replace(given, problem=problem, methods=(method,), quantities=("actuator_force",), cause=_TAKEN)

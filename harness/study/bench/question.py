@@ -286,7 +286,7 @@ SCREW = Method("screw")
 
 
 def exact_text(value: float) -> str:
-    """Format all digits of a float64, so that readers of the exact string get the same number as all others."""
+    """Format all digits of a float64, so that readers of the exact string get the same number as all other readers."""
     return format(Decimal(float(value)), "f")
 
 
@@ -337,7 +337,7 @@ def loaded_scene(folder: Path) -> PreparedScene:
 
 
 def push(posed: PreparedScene, *methods: Method) -> Question:
-    """Ask `screw` for the accelerations of all joints, and every other method for those of the tree joints."""
+    """Ask `screw` for accelerations of all joints, and other methods for accelerations of tree joints."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[:1] == (SCREW,) else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}

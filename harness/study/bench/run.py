@@ -250,7 +250,7 @@ def _measure_group(
     end: float,
     progress: Progress,
 ) -> Measurements:
-    """Measure the settings of a contestant; return their results and times in addition to the known ones.
+    """Measure the settings of a contestant; return the known and the new results and times.
 
     Args:
         end: Time after which no further measurement begins [s since 1970].

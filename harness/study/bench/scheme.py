@@ -224,7 +224,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
     """Return twist and acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
 
     The ``right`` screws follow from the joint with the independent coordinates, whose other angles rest, if that closes
-    the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
+    the loops (c = 0 in the paper's mechanism); otherwise from the closed mechanism.
 
     Raises:
         UnknownNameError: The twist is unknown.

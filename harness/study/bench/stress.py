@@ -68,7 +68,7 @@ class StressCase:
         return f"{self.axis}, {self.low:g} to {self.high:g}"
 
     def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:
-        """Return the given severities, or those of a full or quick run, without duplicates.
+        """Return the given severities, or the severities of a full or quick run, without duplicates.
 
         Raises:
             DescriptionError: A severity is outside the range of the case or not a count, or `severities` is empty.
@@ -94,7 +94,7 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
 def _questions(
     ask: str, methods: Sequence[dict[str, Any]], severity: float, quick: bool, folder: Path
 ) -> Iterator[Question]:
-    """Yield the questions for a severity; a question without methods gets those of the case.
+    """Yield the questions for a severity; a question without methods gets the methods of the case.
 
     Args:
         ask: Function of this package, ``module:name``.
@@ -120,7 +120,7 @@ def _case(entry: dict[str, Any]) -> StressCase:
 
 
 def _rungs(given: Any) -> tuple[float, ...]:
-    """Return the severities in a list, or those from single values and decades."""
+    """Return the severities of an entry, which is a list, or has single values and decades."""
     return (*given.get("at", ()), *decades(*given["decades"])) if isinstance(given, dict) else tuple(given)
 
 
@@ -190,7 +190,7 @@ def stress(
 
     Args:
         quick: Use fewer severities and smaller scenes.
-        severities: Severities that replace those of the case; only for a single case.
+        severities: Severities that replace the severities of the case; only for a single case.
         execute: Executor of the severities, each a task; this process by default.
         place: Folder of the report. With a folder, finished severities are kept on disk until all are complete.
 

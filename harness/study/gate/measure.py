@@ -167,7 +167,7 @@ def derive_tolerance(results: Comparison, row: Mapping[Any, Any], given: Mapping
 
 
 def _reason_to_widen(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str:
-    """Return the reason why the tolerance of a quantity is wider than that of the scene."""
+    """Return the reason why the tolerance of a quantity is wider than the scene's tolerance."""
     if scene.simulated:
         return "the integration error"
     tables = [one.engine for one in solutions if one.engine in scene.tables]

@@ -92,7 +92,7 @@ def reduce_scene(scene: Scene) -> tuple[Scene, str]:
 def full_cuts(scene: Scene) -> Scene | None:
     """Return a copy of a scene for `screw` and the full cuts of its engines, all on the description, with one quantity.
 
-    No other test covers terms that only a full cut has, such as those of welded copies of moving bodies, or the rule
+    No other test covers terms that only a full cut has, such as terms of welded copies of moving bodies, or the rule
     `spherical_axial`, which is used if the mechanism permits it. Return None if there are no full cuts, if they run
     anyway, or if the scene has no given motion.
     """

@@ -49,7 +49,7 @@ class Structure:
     Attributes:
         count: Number of moments and resistances.
         rank: Number of combinations of moments and resistances that affect forces.
-        gap: Singular values on both sides of the rank, relative to the largest one.
+        gap: Singular values on both sides of the rank, relative to the largest singular value.
         directions: All ``count - rank`` unidentifiable directions.
     """
 

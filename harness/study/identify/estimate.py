@@ -104,7 +104,7 @@ def expected_deviations(unknowns: Unknowns, matrix: Array, noise: float) -> Arra
 
 
 def fit_samples(unknowns: Unknowns, measured: Array, matrix: Array, independent: int, noise: float | None) -> Fit:
-    """Fit the most likely machine to every second sample, and predict the remaining ones.
+    """Fit the most likely machine to every second sample, and predict the remaining samples.
 
     Args:
         measured: Measured forces minus the forces at zero features, relative to the largest force of the same unit.

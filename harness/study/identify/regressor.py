@@ -90,7 +90,7 @@ class Regressor:
     def shaken(self, seed: int) -> Array:
         """Return the effect of a unit of each moment and resistance at poses of the machine with random rates.
 
-        The poses are those of the scene and of an exciting motion. Since rates and accelerations are random, numbers
+        The poses come from the scene and from an exciting motion. Since rates and accelerations are random, numbers
         without effect here have no effect in any motion through these poses. Shape (rows, n_moment + n_resist).
         """
         rng, found, columns = np.random.default_rng(seed), list[Array](), self.scene.mechanism.independent_columns
@@ -116,7 +116,7 @@ class Regressor:
         return np.reshape(rows, (-1, count))
 
     def _all_poses(self) -> list[NominalPoses]:
-        """Return the poses of the scene, and those of an exciting motion if the limits leave room for it."""
+        """Return the poses of the scene, and poses of an exciting motion if the limits leave room for it."""
         try:
             motion = exciting(self.scene).motion
             return [self.poses, self.machine.at(motion.y, motion.yd, motion.ydd, motion.t)]

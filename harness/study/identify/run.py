@@ -107,7 +107,7 @@ def identify(
     """Determine which numbers of a machine a motion identifies, and estimate them from measured actuator forces.
 
     Args:
-        data: Table of times and actuator forces, and of the motion if it differs from that of the scene.
+        data: Table of times and actuator forces, and of the motion if it differs from the scene's motion.
         numbers: Names or patterns of the unknown numbers, see `unknown`.
         noise: Standard deviation of measured forces, relative to the largest force with the same unit; estimated from
             data by default.
