@@ -173,7 +173,7 @@ def test_two_engines_agree_within_the_errors_that_their_conditions_explain_sampl
     scene = moving_at([[0.1, 0.2], *before_upu(10.0**-2.3, 1, seed=1)])  # one well conditioned, one not
     ok, error, tolerance, reason = altered(scene, [0.0, 0.9])
     assert 1e-10 < error < tolerance < LIMIT
-    assert (ok, reason) == (True, f"within {tolerance:.2g}, rounding times the condition number there")
+    assert (ok, reason) == (True, f"within {tolerance:.2g}, rounding times the sample's condition number")
     ok, error, tolerance, reason = altered(scene, [0.0, 1.1])
     assert not ok
     assert error > 1e-10 > tolerance

@@ -34,8 +34,8 @@ class Pace:
     """Detector of steps that stay short forever, as opposed to a fast phase of the motion.
 
     Near some singular poses, accelerations vary with rounding or an engine's regularisation over distances much shorter
-    than those of any motion. The error is then within tolerance only for steps so short that integration makes no
-    progress.
+    than the distances of any motion. The error is then within tolerance only for steps so short that integration makes
+    no progress.
     """
 
     def __init__(self, method: str, tolerance: float, end: float) -> None:

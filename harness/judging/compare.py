@@ -94,7 +94,7 @@ def _accept(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResi
     """Set the reason of an accepted pair whose error exceeds the scene's own tolerance."""
     if not row.ok:
         return row
-    conditioned = f"within {row.tolerance:.2g}, rounding times the condition number there"
+    conditioned = f"within {row.tolerance:.2g}, rounding times the sample's condition number"
     reason = row.reason or (conditioned if row.error > granted.usual else granted.why)
     return replace(row, reason=reason if row.error > tolerance else "")
 

@@ -1,6 +1,6 @@
 """Applied forces except gravity: loads, springs, dampers, motors, and rotors, damping and friction of joints.
 
-`forces_at_joints` and `wrenches_on_bodies` compute them for many samples or for one state. `acting` sums them to
+`forces_at_joints` and `wrenches_on_bodies` compute them for many samples or for one state. `acting` sums them into
 wrenches on bodies and forces along joint coordinates; tree engines use their own conversion.
 """
 

@@ -84,7 +84,7 @@ class JointReading:
 
     @cached_property
     def _screws(self) -> list[tuple[slice, int, int, Array, Array]]:
-        """Each joint's columns, parent, child, unit screws of its degrees of freedom and dual wrenches, about O."""
+        """For each joint: columns, parent, child, and unit screws of its motions with dual wrenches, about O."""
         found, index = list[tuple[slice, int, int, Array, Array]](), self.mechanism.body_index
         for joint, columns in _columns(self.mechanism):
             frames = joint_frames(self.mechanism, joint, self.R, self.p)
@@ -145,7 +145,7 @@ def _columns(mechanism: Mechanism) -> Iterator[tuple[Joint, slice]]:
 
 
 def _at_origin(V: Array, added: Array) -> Array:
-    """Add velocities to the linear part of twists. Shapes (n, b, 6), (n, b, 3)."""
+    """Add `added` to the linear part of twists. Shapes (n, b, 6), (n, b, 3)."""
     return np.concatenate([V[..., :3], V[..., 3:] + added], axis=-1)
 
 

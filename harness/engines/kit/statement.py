@@ -77,7 +77,7 @@ def _check_rows(rows: Sequence[Sequence[int]], mechanism: Mechanism, m: int) -> 
 
 
 def _direction(engine: Constrained, at: Placement) -> Array:
-    """Return rates of x that satisfy the gaps belonging to no joint, which relate redundant coordinates."""
+    """Return rates of x that keep the gaps without a joint closed; such gaps relate redundant coordinates."""
     units = np.asarray(engine.units, dtype=float)
     v = units * np.cos(1.0 + 2.4 * np.arange(len(units)))
     own = [row for row in range(at.G.shape[1]) if row not in {row for some in engine.rows for row in some}]

@@ -73,8 +73,8 @@ VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 def harden(model: mujoco.MjModel) -> None:
     """Make equality constraints as hard as possible, and remove their springs and dampers.
 
-    With solref (0, 0) the reference acceleration is that of the closed loop, -Jdot v. MuJoCo's springs and dampers
-    (100 per second by default) would make every motion stiff.
+    With solref (0, 0) the reference acceleration equals the acceleration of the closed loop, -Jdot v. MuJoCo's springs
+    and dampers (100 per second by default) would make every motion stiff.
     """
     model.opt.disableflags &= ~DISABLED
     model.opt.tolerance = EXACT

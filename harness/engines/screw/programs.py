@@ -312,7 +312,7 @@ def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tup
 
 
 def undriven_columns(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the independent coordinates that no actuator drives: idle coordinates, and given coordinates at rest."""
+    """Return the undriven independent coordinates: idle coordinates, and given coordinates that must rest."""
     if not isinstance(problem.task, GivenMotion) or not lay.mechanism.actuator_names:
         return (), ()
     idle, k = problem.task.idle, len(lay.mechanism.independent)

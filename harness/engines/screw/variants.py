@@ -316,7 +316,7 @@ class Variants:
         return ""
 
     def _program(self, steps: int) -> tuple[Symbols, Any]:
-        """Return equations with the given Newton steps, and their program: quantities, checks, coordinates."""
+        """Return equations with `steps` Newton steps, and their program: quantities, checks, coordinates."""
         if steps not in self._programs:
             symbols = self._machine.symbols(self._known, steps)
             outputs = [*self._machine.outputs(symbols), *symbols.checks(), *symbols.reached]

@@ -91,7 +91,7 @@ class BodyPoses:
         return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _sum_over_movers(self, screws: Array, v: Array, arms: Array) -> Array:
-        """Sum the screws of the coordinates that move each body, and shift each sum by the vectors `arms`."""
+        """Sum the screws of the coordinates that move each body, and shift each sum to the points `arms`."""
         moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # as one matrix product
         V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], arms)
