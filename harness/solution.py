@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter, perf_counter_ns, process_time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.problem import Rows
 from screwgauge.quantities import FLOAT64, NUMBER_TYPES, NumberType
@@ -126,6 +127,21 @@ class Error:
     def largest(self) -> float:
         """The largest scaled error; infinite if any is unknown."""
         return float(np.nan_to_num(self.scaled, nan=np.inf, posinf=np.inf).max(initial=0.0))
+
+    @property
+    def flagged(self) -> NDArray[np.bool_]:
+        """True at samples whose scaled error exceeds the limit of the number type or is unknown. Shape (n,)."""
+        return ~(self.scaled <= self.kind.limit)
+
+    @property
+    def ok(self) -> bool:
+        """True if no sample is flagged."""
+        return not self.flagged.any()
+
+    @property
+    def worst(self) -> int:
+        """Index of the sample with the largest scaled error."""
+        return int(np.argmax(self.scaled))
 
     @property
     def worst_condition(self) -> float:

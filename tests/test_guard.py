@@ -8,7 +8,7 @@ import pytest
 import screwgauge
 from support.command import main
 from support.engines import solve
-from support.judging import LIMIT, Allowance, compare, flag_samples
+from support.judging import LIMIT, Allowance, compare
 from support.near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
 from support.pages import terminal
 from support.report import estimates, run_in_terminal, summary, verdict
@@ -50,11 +50,11 @@ def test_estimates_are_never_below_the_error_and_not_far_above(ladder, engine):
 def test_the_projected_paths_are_flagged_and_ours_is_not(ladder):
     results = ladder[5]  # 1e-6 rad
     for engine in ("pinocchio", "mujoco"):
-        flags = flag_samples(results.solutions[engine])
-        assert flags["joint_acceleration"].all()
-        assert flags["generalized_force"].all()
-    flags = flag_samples(results.solutions["screw"])
-    assert not any(flags[quantity].any() for quantity in QUANTITIES if quantity != "reaction")
+        found = results.solutions[engine].errors
+        assert found["joint_acceleration"].flagged.all()
+        assert found["generalized_force"].flagged.all()
+    found = results.solutions["screw"].errors
+    assert all(found[quantity].ok for quantity in QUANTITIES if quantity != "reaction")
 
 
 def test_estimates_hold_near_a_base_lock():
@@ -63,7 +63,7 @@ def test_estimates_hold_near_a_base_lock():
     screw, truth = results.solutions["screw"], results.solutions["truth"]
     for quantity in QUANTITIES:
         assert (screw.errors[quantity].scaled >= errors(screw, truth, quantity)).all(), quantity
-    assert flag_samples(screw)["joint_acceleration"][-1]
+    assert screw.errors["joint_acceleration"].flagged[-1]
 
 
 @pytest.mark.slow
@@ -88,8 +88,8 @@ def test_the_full_cut_flags_what_it_loses_at_a_chart_lock(distance):
     found, truth = results.solutions["pinocchio-full"], results.solutions["truth"]
     for quantity in QUANTITIES:
         assert (found.errors[quantity].scaled >= errors(found, truth, quantity)).all(), quantity
-    assert flag_samples(found)["generalized_force"].all() == (distance < 1e-5)
-    assert not flag_samples(results.solutions["screw"])["generalized_force"].any()
+    assert found.errors["generalized_force"].flagged.all() == (distance < 1e-5)
+    assert results.solutions["screw"].errors["generalized_force"].ok
 
 
 def test_the_judge_says_what_explains_a_residual():
@@ -119,8 +119,8 @@ def test_next_to_singular_poses_nothing_is_wrong_without_a_flag(seed):
             continue  # not to be certified: too near
         for engine in ("screw", "pinocchio"):
             found = results.solutions[engine]
-            for quantity, flags in flag_samples(found).items():
-                if quantity not in QUANTITIES or flags.any() or quantity == "joint_position":
+            for quantity, estimated in found.errors.items():
+                if quantity not in QUANTITIES or not estimated.ok or quantity == "joint_position":
                     continue  # whole turns of a joint next to its lock are a matter of the way there
                 error = errors(found, results.solutions["truth"], quantity).max()
                 assert error <= LIMIT, (engine, quantity, near[row])
@@ -188,12 +188,12 @@ def test_two_engines_agree_within_the_errors_that_their_conditions_explain_sampl
 
 def test_the_row_of_a_guard_is_that_of_its_worst_sample(ladder):
     results = ladder[5]
-    for row in results.guard:
-        solution = results.solutions[row.engine]
-        assert row.condition == np.max(solution.errors[row.quantity].condition)
-        assert row.estimate == np.max(solution.errors[row.quantity].scaled)
-        assert row.worst_t == results.times[int(np.argmax(solution.errors[row.quantity].scaled))]
-    assert any(np.ptp(results.solutions[row.engine].errors[row.quantity].condition) for row in results.guard)
+    for row in summary(results)["guard"]:
+        error = results.guard[row["engine"], row["quantity"]]
+        assert row["condition"] == np.max(error.condition)
+        assert (row["estimate"] or np.inf) == np.max(error.scaled)
+        assert row["worst_t"] == results.times[int(np.argmax(error.scaled))]
+    assert any(np.ptp(error.condition) for error in results.guard.values())
 
 
 def test_summary_report_and_terminal_tell_of_the_guard(ladder):
@@ -235,7 +235,7 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
     scene = replace(scene, task=replace(scene.motion, y=at_lock(scene)))
     results = screwgauge.run(scene, engines=["screw"])
     (refusal,) = results.refusals
-    assert flag_samples(results.solutions["screw"])["joint_position"].tolist() == [False, True]
+    assert results.solutions["screw"].errors["joint_position"].flagged.tolist() == [False, True]
     assert refusal.rows.tolist() == [1]
     assert set(refusal.quantities) == {"joint_velocity", "joint_acceleration"}
     assert "leg2.wrist is in gimbal lock (leg2.q4 and leg2.q6" in refusal.sentence

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from itertools import combinations, compress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from screwgauge.judging.allowance import Integrated
 from screwgauge.problem import GivenMotion, Problem, Rows
@@ -24,52 +23,6 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import gimbal_lock, near_singularity
 from screwgauge.reference.rotations import Array, within_half_turn
 from screwgauge.solution import Solution, Values
-
-
-def flag_samples(solution: Solution) -> dict[str, NDArray[np.bool_]]:
-    """Flag samples of each quantity whose estimated error exceeds the limit of the number type.
-
-    Returns:
-        Quantity -> booleans of shape (n,).
-    """
-    estimated = {name: error for name, error in solution.errors.items() if error.radius is None}
-    return {name: ~(error.scaled <= error.kind.limit) for name, error in estimated.items()}
-
-
-@dataclass(frozen=True, slots=True)
-class Guarded:
-    """Estimated accuracy of one quantity of an engine over all solved samples.
-
-    Attributes:
-        condition: Largest condition number of the systems from which the quantity was solved.
-        estimate: Largest estimated error, infinite if no digit is correct or the value is missing.
-        flagged: Number of samples whose estimate exceeds the limit of the number type, including samples without a
-            number.
-        worst_t: Time of the largest estimate [s].
-    """
-
-    engine: str
-    quantity: str
-    condition: float
-    estimate: float
-    flagged: int
-    n_sample: int
-    worst_t: float
-
-    @property
-    def ok(self) -> bool:
-        return not self.flagged
-
-
-def accuracy_rows(solution: Solution, t: Array) -> list[Guarded]:
-    """Build a row for each quantity with an error estimate; `t` contains the times [s], shape (n,)."""
-    rows = []
-    for name, flags in flag_samples(solution).items():
-        error = solution.errors[name]
-        worst, counts = int(np.argmax(error.scaled)), (int(flags.sum()), len(t))
-        size = float(error.scaled[worst])
-        rows.append(Guarded(solution.engine, name, error.worst_condition, size, *counts, float(t[worst])))
-    return rows
 
 
 def examine_path(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, str]:

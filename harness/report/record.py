@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import PurePath
 from typing import Any
@@ -139,7 +139,7 @@ def summary(results: Comparison) -> dict[str, Any]:
         "left_out_contained": results.left_out.contained,
         "quantities": [_quantity(row) for row in rows(results.pairs)],
         "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
-        "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],
+        "guard": [*_guard(results)],
         "refused": [
             {"engine": x.engine, "quantities": x.quantities, "samples": len(x.rows), "reason": x.sentence}
             for x in results.refusals
@@ -156,6 +156,21 @@ def summary(results: Comparison) -> dict[str, Any]:
         **{key: results.provenance.get(key) for key in FILES},
     }
     return dict(plain(content))
+
+
+def _guard(results: Comparison) -> Iterator[Row]:
+    """Yield the error that each engine estimates for each quantity, at the sample where it is largest."""
+    for (engine, quantity), error in results.guard.items():
+        yield {
+            "engine": engine,
+            "quantity": quantity,
+            "condition": error.worst_condition,
+            "estimate": error.largest,
+            "flagged": int(error.flagged.sum()),
+            "n_sample": len(error.scaled),
+            "worst_t": results.times[error.worst],
+            "ok": error.ok,
+        }
 
 
 def _quantity(row: Row) -> Row:

@@ -16,7 +16,7 @@ from screwgauge.casebook.book import installed_versions, suspects
 from screwgauge.engines.registry import ENGINES
 from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage
-from screwgauge.judging.trust import Guarded, Refusal, accuracy_rows
+from screwgauge.judging.trust import Refusal
 from screwgauge.models import catalog
 from screwgauge.models.importing.model import is_scratch
 from screwgauge.quantities import GIVEN, QUANTITIES
@@ -26,7 +26,7 @@ from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import REFERENCE, Failure, Solution, Values
+from screwgauge.solution import REFERENCE, Error, Failure, Solution, Values
 from screwgauge.study.leave import UNREAD
 from screwgauge.study.left_out import LeftOutForces
 from screwgauge.study.outcome import EXIT, Outcome, weakest
@@ -235,9 +235,14 @@ class Comparison:
         return not np.isfinite(row["max_scaled"]) and any(known)
 
     @property
-    def guard(self) -> list[Guarded]:
-        """Trust in each quantity of each engine, based on condition number and estimated error."""
-        return [row for solution in self.solutions.values() for row in accuracy_rows(solution, self.times)]
+    def guard(self) -> dict[tuple[str, str], Error]:
+        """Engine and quantity -> error estimated from conditioning; engines that prove bounds are omitted."""
+        return {
+            (name, quantity): error
+            for name, solution in self.solutions.items()
+            for quantity, error in solution.errors.items()
+            if error.radius is None
+        }
 
     @property
     def not_unique(self) -> dict[str, tuple[str, ...]]:

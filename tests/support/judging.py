@@ -14,7 +14,6 @@ from screwgauge.judging.compare import compare
 from screwgauge.judging.coverage import NOTHING, coverage
 from screwgauge.judging.judge import judge
 from screwgauge.judging.left_out import measured_parts
-from screwgauge.judging.trust import flag_samples
 from screwgauge.quantities import GIVEN
 from screwgauge.solution import Solution
 from screwgauge.study import left_out as measure

@@ -12,7 +12,6 @@ import pandas as pd
 
 from screwgauge.judging.allowance import LIMIT
 from screwgauge.judging.residual import ERROR_COLUMNS
-from screwgauge.judging.trust import Guarded
 from screwgauge.report import reviewed
 from screwgauge.report.blocks import Banner, Block, Group, Marked, Picture
 from screwgauge.report.figures.drawings import named_drawings, unmatched_figures
@@ -33,7 +32,7 @@ from screwgauge.report.record import (
 from screwgauge.report.stage.picture import stage
 from screwgauge.report.verdict import compared_pairs, conclusion, has_excuse, verdict
 from screwgauge.scene.observables import Published
-from screwgauge.solution import REFERENCE, Timing
+from screwgauge.solution import REFERENCE, Error, Timing
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import (
     FORMS,
@@ -159,30 +158,31 @@ def _parameters(results: Comparison) -> list[Row]:
 def estimates(results: Comparison) -> list[Row]:
     """Return the estimated error of each quantity for each engine."""
 
-    def cell(row: Guarded) -> str:
-        mark = "" if row.ok else f" ✗ ({row.flagged} of {row.n_sample}, t = {number(row.worst_t)} s)"
-        return f"{_estimate(row)}, condition {size(row.condition)}{mark}"
+    def cell(error: Error) -> str:
+        flagged = f"{error.flagged.sum()} of {len(error.scaled)}, t = {number(results.times[error.worst])} s"
+        mark = "" if error.ok else f" ✗ ({flagged})"
+        return f"{_estimate(error)}, condition {size(error.worst_condition)}{mark}"
 
-    return [{"quantity": words(row.quantity), "engine": row.engine, "cell": cell(row)} for row in results.guard]
+    return [{"quantity": words(name), "engine": engine, "cell": cell(x)} for (engine, name), x in results.guard.items()]
 
 
-def _estimate(row: Guarded) -> str:
-    return size(row.estimate) if math.isfinite(row.estimate) else "no digit"
+def _estimate(error: Error) -> str:
+    return size(error.largest) if math.isfinite(error.largest) else "no digit"
 
 
 def _conditioning(results: Comparison) -> list[Block]:
     """Summarise the conditioning: either no sample is flagged, or describe the worst flagged samples."""
     if not results.guard:
         return []
-    bad = [row for row in results.guard if not row.ok]
-    worst = max(bad or results.guard, key=lambda row: (row.estimate, row.flagged))
-    error = "error" if not results.scene.simulated else "effect of rounding on the motion"
-    text = f"nothing flagged; largest estimated {error} {_estimate(worst)} ({worst.quantity} of {worst.engine})"
+    bad = {key: error for key, error in results.guard.items() if not error.ok}
+    (engine, quantity), worst = max((bad or results.guard).items(), key=lambda x: (x[1].largest, x[1].flagged.sum()))
+    kind = "error" if not results.scene.simulated else "effect of rounding on the motion"
+    text = f"nothing flagged; largest estimated {kind} {_estimate(worst)} ({quantity} of {engine})"
     if bad:
         text = (
-            f"{len(bad)} of {len(results.guard)} results flagged ({listed(dict.fromkeys(row.engine for row in bad))}); "
-            f"worst {worst.quantity} of {worst.engine} at t = {number(worst.worst_t)} s: estimated error "
-            f"{_estimate(worst)}, condition {size(worst.condition)}"
+            f"{len(bad)} of {len(results.guard)} results flagged ({listed(dict.fromkeys(name for name, _ in bad))}); "
+            f"worst {quantity} of {engine} at t = {number(results.times[worst.worst])} s: estimated error "
+            f"{_estimate(worst)}, condition {size(worst.worst_condition)}"
         )
     return [Banner(text, "conditioning")]
 
