@@ -156,7 +156,7 @@ class SolvedMotion:
 
     @cached_property
     def needs(self) -> kit.Array:
-        """Forces along coordinates that actuators and loops must supply. Shape (n, n_q)."""
+        """Forces, along all coordinates, that actuators and loops must supply. Shape (n, n_q)."""
         return self.equations.balance(self.n, **self.state)["needs"] - self.along
 
     @cached_property

@@ -212,5 +212,5 @@ def _explain(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Re
 
 
 def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> SizedResidual:
-    """Build the row of a pair without values, with the reason."""
+    """Build the row of a pair that has no values, stating the reason."""
     return SizedResidual(quantity, a=a, b=b, reason=reason, tolerance=tolerance)

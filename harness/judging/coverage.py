@@ -33,7 +33,7 @@ from screwgauge.solution import Solution
 from screwgauge.witness.kinematics import unit_twists
 
 Row = dict[str, Any]
-"""A row of the coverage."""
+"""A row of a coverage table."""
 
 MOST = 51  # number of samples examined
 #: Largest number of entries in the regressor, which limits the samples, and the fewest samples worth examining.

@@ -101,7 +101,7 @@ class MeasuredPart:
         return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
 
     def generalized(self, wrenches: Array) -> Array:
-        """Return forces along the independent coordinates that supply the required wrenches. Shape (n, k)."""
+        """Return the generalised forces that supply the required wrenches. Shape (n, k)."""
         return np.asarray(np.einsum("nbx,nbxj->nj", wrenches, self.admissible.bodies))
 
     def actuators(self, wrenches: Array) -> Array:
@@ -133,7 +133,8 @@ class MeasuredPart:
         return project_forces(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
 
     def added(self, kind: str, quantity: str, names: Sequence[str]) -> Array:
-        """Return the effect of a kind on components of a quantity; zero unless they are forces. Shape (n, m)."""
+        """Return the effect of a kind of force on a quantity's components; zero unless the components are forces. Shape
+        (n, m)."""
         mechanism, wrenches = self.answer.mechanism, self.needed[kind]
         match quantity:
             case "generalized_force":

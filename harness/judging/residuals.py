@@ -85,7 +85,8 @@ def _vectors(array: Array) -> Array:
 
 
 def level_sizes(sizes: Array, length: float) -> Array:
-    """Raise the smaller of the force and moment scales to match the larger, converting by the mechanism's length.
+    """Raise the smaller of the force and moment scales to match the larger; the mechanism's length converts between
+    them.
 
     Args:
         sizes: Largest force [N] and moment [N m]. Shape (..., 2).
@@ -336,7 +337,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Res
 
 
 def _axial(answer: Answer) -> Residuals:
-    """Yield the component of the spherical joint's force across its line (eq. 56)."""
+    """Yield the component of the spherical joint's force across the line of eq. (56)."""
     mechanism = answer.mechanism
     if mechanism.axial is None:
         return

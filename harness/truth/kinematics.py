@@ -24,7 +24,7 @@ NEWTON = 40  # largest number of steps; four suffice from a start in double prec
 
 
 class NotCertified(ScrewgaugeError):
-    """Raised for a pose or forces that cannot be enclosed with proof."""
+    """Raised for a pose or forces whose enclosure cannot be proved."""
 
 
 def _singular() -> NotCertified:

@@ -146,7 +146,7 @@ class ClosedMotion:
         return xdd, rest + self._moved(xdd)
 
     def generalized_forces(self, need: Array) -> Array:
-        """Return the forces along the independent coordinates that supply forces along x. Shape (n, n_x) -> (n, k)."""
+        """Return the generalised forces (along y) that supply the given forces along x. Shape (n, n_x) -> (n, k)."""
         return np.asarray((self.K.swapaxes(1, 2) @ need[..., None])[..., 0])
 
     def actuator_forces(self, need: Array, line: Array | None = None) -> tuple[Array, Array]:

@@ -62,7 +62,7 @@ def along_line(drive: Array, G: Array, need: Array, line: Array, right: Array | 
         G: Derivative of the constraints. Shape (n, m, n_x).
         need: Forces that actuators and constraints supply together. Shape (n, n_x).
         line: Joint force per unit multiplier in two directions across the line. Shape (n, 2, m).
-        right: Required values of these two components. Shape (n, 2).
+        right: Required joint force in these two directions. Shape (n, 2).
 
     Returns:
         Shape (n, n_actuator), and the condition number of the equations, (n,).

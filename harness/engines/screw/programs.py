@@ -268,7 +268,7 @@ class Arcs:
     """
 
     def __init__(self, runners: Sequence[Runner], limits: Sequence[float]) -> None:
-        """Combine runners; `limits` bound the gain check of each."""
+        """Combine runners; `limits` bound the gain check of each runner."""
         self.runners, self.limits, self.program = runners, limits, runners[0].program
 
     def bind(

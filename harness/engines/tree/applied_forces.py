@@ -80,7 +80,7 @@ Reader = Callable[[Array, BodyAt], tuple[float, Array]]
 
 
 class TreeForces:
-    """Applied forces other than gravity along the coordinates of a tree, state by state.
+    """Applied forces, except gravity, along the coordinates of a tree, computed state by state.
 
     Attributes:
         acts: Whether any force acts.

@@ -1,4 +1,4 @@
-"""Forces of the closed mechanism: projected tree forces, and multipliers for the rest.
+"""Forces of the closed mechanism: projected tree forces, and multipliers for the remaining forces.
 
 Joint reactions follow from the wrenches that the engine transmits through its tree and from the multipliers.
 """
