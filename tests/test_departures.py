@@ -91,7 +91,7 @@ def test_a_loops_file_that_makes_an_engine_differ_is_named_in_the_verdict(own, s
     found = verdict(results)
     assert found.word == "✗ DIFFER"
     assert "own.loops.toml, unlike the description: closure points" in found.text
-    assert "The models differ, too: " in conclusion(results)[0].text  # before any plot of a page
+    assert "The models also differ: " in conclusion(results)[0].text  # before any plot of a page
 
 
 def test_what_urdf_readers_let_pass_as_xml_is_said(own, scene):

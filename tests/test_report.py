@@ -402,7 +402,7 @@ def test_engines_that_cannot_be_compared_are_not_drawn_over_each_other(make: Mak
     results = make()
     out = replace(results, errors=results.errors.iloc[:0]).write(tmp_path / "out")
     picture = (out / "plots" / "01-joint-position.svg").read_text(encoding="utf-8")
-    assert "Without curves," in picture
+    assert "Not drawn as curves," in picture
     assert "difference" not in picture
 
 

@@ -24,14 +24,14 @@ _NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no
 
 
 class Marked(str):
-    """A string written in this package with **bold**, *emphasis* and `code`; never from files, engines or users."""
+    """A string of this package with **bold**, *emphasis* and `code`; text from elsewhere is never marked."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Running text, or a heading of a level from 1, the title of the report; line breaks in it are ignored."""
+    """Running text, or a heading (level 1 is the title of the report); line breaks in the text are ignored."""
 
     text: str
     level: int = 0
@@ -102,10 +102,10 @@ class Group:
     """Blocks that belong together.
 
     Attributes:
-        kind: ``front``: the first screen, blocks beside a picture or below two. ``appendix``: details at the end, each
-            section folded on a screen and expanded in print. ``folded``: folded under a title with a short note, and
-            expanded in print. ``more``: folded in print, too. ``glossary``: a table of words with their meaning; the
-            first use of a word on a page links there.
+        kind: ``front``: the first screen, blocks beside one picture or below two pictures. ``appendix``: details at the
+            end, each section folded on a screen and expanded in print. ``folded``: folded under a title with a short
+            note, and expanded in print. ``more``: also folded in print. ``glossary``: a table of words with their
+            meaning; the first use of a word on a page links there.
     """
 
     kind: Literal["front", "appendix", "folded", "more", "glossary"]
@@ -151,9 +151,9 @@ def table(rows: Iterable[Any], columns: str) -> Table:
     Args:
         columns: ``head = key | head = key``; without a key, the key is the head with ``_`` for spaces. The key
             determines the format of values, see `FORMS`. With a ``?``, a cell is empty if its row lacks a number; with
-            two, an empty column is omitted. ``key:form`` selects a different format, and a key that contains ``{}`` is
-            a template filled from the row. ``|| across = cell`` at the end merges rows with equal cells into one line,
-            and adds a column for each value of `across`.
+            ``??``, an empty column is omitted. ``key:form`` selects a different format, and a key that contains ``{}``
+            is a template filled from the row. ``|| across = cell`` at the end merges rows with equal cells into one
+            line, and adds a column for each value of `across`.
     """
     down, _, cross = columns.partition("||")
     shown, lines = _columns(down), [(row, tuple(_text(row, key) for key in _columns(down).values())) for row in rows]

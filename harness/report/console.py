@@ -30,7 +30,7 @@ _stopped_by: list[int] = []
 
 @contextmanager
 def console() -> Iterator[None]:
-    """Prepare the streams for output; SIGTERM ends a command as cleanly as Ctrl-C."""
+    """Prepare the streams for output, and let SIGTERM end a command as cleanly as Ctrl-C."""
     for number in range(3):
         try:
             os.fstat(number)

@@ -17,7 +17,7 @@ class DiagnosisReport(Shown, Diagnosis):
     __slots__ = ()
 
     def _report(self) -> Report:
-        """Return the report; the import of pages and figures here takes a tenth of the time of a diagnosis."""
+        """Return the report; pages and figures are imported only here, which takes a tenth of a diagnosis's time."""
         from screwgauge.report.pages.diagnosis import PAGE
 
         return PAGE

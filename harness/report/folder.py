@@ -79,7 +79,8 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
 
     Args:
         files: Path below `out` -> content: a string, or a table for Parquet.
-        others: Further files of the same report, to be listed first with `files`; None to write no list.
+        others: Further files of the same report; a list of these and of `files` is written first, unless `others` is
+            None.
 
     Raises:
         OutputError: The folder cannot be written; it is then unchanged.
@@ -111,7 +112,7 @@ def _stage(out: Path) -> Path:
     """Create an empty folder on the same disk: in `out` if it exists (it may be a mount), else next to it."""
     out = out.absolute()
     if "\0" in str(out):
-        raise ValueError("it holds a null byte")
+        raise ValueError("its path contains a null byte")
     if out.exists() and not out.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "it is a file")
     home = out if out.is_dir() else out.parent

@@ -267,7 +267,7 @@ def stage_script() -> str:
     if hashlib.sha256(three.encode()).hexdigest() in KNOWN:
         return f"{LICENCE}\n{three}\n{STAGE.read_text(encoding='utf-8')}"
     what = "a three.js version that screwgauge does not support" if three else "no three.js"
-    reason = f"No picture in space: trimesh {version('trimesh')} contains {what}; install trimesh 5.2.0."
+    reason = f"No 3D picture: trimesh {version('trimesh')} contains {what}; install trimesh 5.2.0."
     return UNDRAWN.replace("REASON", json.dumps(reason))
 
 

@@ -57,16 +57,16 @@ class Report:
     Attributes:
         text: Name of the file in ``texts/``, or path of a different file, without ``.md``.
         banner: Function that returns the verdict in a sentence, then warnings.
-        data: File name -> function that returns the content. The record of the machine is added: that of the results,
-            else the current one.
+        data: File name -> function that returns the content. A record of the machine is added: from the results, or
+            else of the current machine.
         values: Name -> function that computes the value when a text needs it. Names that are missing here are
             attributes of the results (``a.b``: attribute b of a, empty if a is None). All texts know ``title``,
             ``verdict`` (the banners), ``environment``, ``about`` (facts for the first screen, including the machine),
-            ``plots`` and ``picture remarks`` (on the first picture).
+            ``plots`` and ``picture remarks`` (about the first picture).
         draw: Function that returns the pictures.
-        lead: Function that selects the pictures of the first screen; remarks belong to the last one.
+        lead: Function that selects the pictures of the first screen; remarks belong to the last of these pictures.
         plots: Function that shows all other pictures.
-        figures: Significant figures of numbers in CSV; every bit by default.
+        figures: Significant digits of numbers in CSV; exact by default.
     """
 
     text: str

@@ -21,7 +21,7 @@ def additions(results: Comparison) -> str:
 
 
 def sentences(results: Comparison, *, agree: bool) -> list[str]:
-    """Describe what files add to the rigid machine, on which agreeing engines agree."""
+    """Describe what files add to the rigid machine; engines that agree do so on the rigid machine only."""
     if not results.left_out.terms:
         return [*contained_sentences(results)]
     text = additions(results)
@@ -34,7 +34,7 @@ def sentences(results: Comparison, *, agree: bool) -> list[str]:
 
 
 def phrase(term: LeftOutTerm) -> str:
-    """Describe the kind of a force, its owners and its size."""
+    """Describe the kind of a force, its owners and its magnitude."""
     amount = f"up to {number(term.size, FIGURES)} of {number(term.of, FIGURES)} {unit_text(term.unit)}"
     return f"{term.kind} of {owners(term.names)}, {amount}"
 
@@ -49,9 +49,9 @@ def owners(names: Sequence[str]) -> str:
 
 
 def contained_sentences(results: Comparison) -> Iterator[str]:
-    """Yield a sentence on each table or engine whose values include forces that the description omits."""
+    """Yield a sentence for each table or engine with values that include forces omitted from the description."""
     for name, kinds in results.left_out.contained.items():
-        yield f"Numbers of {name} contain {listed(kinds)}, which the comparison leaves out."
+        yield f"Values of {name} include {listed(kinds)}, which the comparison leaves out."
 
 
 def left_out_rows(results: Comparison) -> list[Row]:

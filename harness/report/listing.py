@@ -43,7 +43,7 @@ _TABLES: dict[str, Callable[[], dict[str, str]]] = {
 
 
 def listing(what: str | None) -> str:
-    """List names with a line of explanation each, for one kind of thing or for all kinds."""
+    """List names, each with a line of explanation, for one kind or for all kinds."""
     tables = {
         name: terminal([Table(("", ""), tuple(_TABLES[name]().items()))]) for name in ([what] if what else _TABLES)
     }

@@ -102,14 +102,14 @@ def forces(results: Comparison) -> list[Row]:
 
 
 def _measured_by(results: Comparison, quantity: str) -> Solution | None:
-    """Return the solution of `TRUTH` if it has all samples, else of the first engine with the quantity."""
+    """Return the solution of `TRUTH` if it has all samples, else that of the first engine with the quantity."""
     known = [solution for solution in results.solutions.values() if quantity in solution.values]
     certain = (solution for solution in known if solution.engine == TRUTH and solution.rows is None)
     return next(certain, known[0] if known else None)
 
 
 def _without_rounding(sized: list[Row]) -> list[Row]:
-    """Replace values below a share of the largest value with that unit, which are rounding, with zero."""
+    """Replace rounding by zero: all values below a share of the largest value with the same unit."""
     largest = dict[str, float]()
     for row in sized:
         largest[row["unit"]] = max(largest.get(row["unit"], 0.0), abs(row["min"]), abs(row["max"]))

@@ -54,7 +54,8 @@ class Results(Shown, Comparison):
 
         Args:
             path: A file ``NAME.csv``, or a folder, in which each engine gets a file with its name.
-            engine: Name of the engine whose values are written; by default the first one for a file, all for a folder.
+            engine: Name of the engine whose values are written; by default, the first engine for a file, and all
+                engines for a folder.
             quantities: Names; by default positions, actuator forces, reactions, observables, and quantities that are
                 computed only on request, such as ``resistance``. Headers end with ``not unique`` if redundant
                 constraints leave a component undetermined: its values are then one choice among many.
@@ -99,7 +100,7 @@ class Results(Shown, Comparison):
         )
 
     def figure(self, name: str) -> Figures:
-        """Return the figures that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
+        """Return the figures that show a quantity (e.g. ``actuator_force``) or have a given name (e.g. ``mechanism``).
 
         ``.save("f.pdf", width="8.5cm", font="Times", size=8)`` writes only the curves, for a paper, as PDF, SVG or PNG
         (``dpi=600``), see `Figure.save`.

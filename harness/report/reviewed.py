@@ -1,4 +1,4 @@
-"""Reviews of tables in words: faults in columns, and agreement after their correction."""
+"""Reviews of tables in words: faults in columns, and agreement after the faults are corrected."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLUMNS = "column = name | unit | finding | digits = error:as_digits | corrected
 WORDS = {
     "sign": "{be} negated",
     "unit": "{be} in {unit}",
-    "factor": "{be} {times} times the right numbers, a factor of no unit",
+    "factor": "{be} {times} times the right numbers, a factor that no unit explains",
     "side": "{be} on the other side of {fault.of}: the force of the successor on the predecessor",
     "permutation": "{have} the numbers of {fault.of}",
     "shift": "{be} {late} by {time} s{samples}",
@@ -71,7 +71,7 @@ def banner(review: TableReview) -> Banner:
 
 
 def sentences(review: TableReview) -> list[str]:
-    """Return sentences on faults, on agreement after their correction, and on unexplained columns."""
+    """Return sentences on faults, on agreement after correcting the faults, and on unexplained columns."""
     whole = [column for column in review.columns if column.faults is not None]
     lost = [column for column in review.columns if column.faults is None]
     if not review.columns:
@@ -95,7 +95,7 @@ def _loose(review: TableReview) -> Iterator[str]:
     """Yield sentences on columns that agree to their printed digits, but not to the tolerance of a run."""
     for quantity in dict.fromkeys(column.quantity for column in review.columns if not column.ok):
         place = max(column.place for column in review.columns if column.quantity == quantity)
-        yield f"The numbers are printed to that place: with error.{quantity} = {number(place, 2)} a run agrees."
+        yield f"The numbers are rounded for printing: with error.{quantity} = {number(place, 2)} a run agrees."
 
 
 def _all(review: TableReview, some: list[ReviewedColumn]) -> str:

@@ -47,9 +47,7 @@ def _lines(block: Block) -> list[str]:
 
 
 def _table(lines: list[list[str]], block: b.Table) -> list[str]:
-    """Align columns, with numbers at the right; wrap long text, and replace columns that still do not fit by a list of
-    their names.
-    """
+    """Align columns, numbers to the right; wrap long text; list the names of columns that still do not fit."""
     columns = dict(enumerate(zip(*lines, strict=True)))
     left_out = list[str]()
     while _excess(widths := _widths(columns, block)) > 0 and len(columns) > 1:

@@ -19,8 +19,8 @@ from screwgauge.study.outcome import Outcome
 OPEN_TREE = {
     "tree_force": "tree_force only checks the models: joint forces with the loops cut open, without loads.",
     "tree_force_soft": (
-        "tree_force_soft only checks the models: joint forces with the loops cut open, which MuJoCo closes by springs "
-        "so stiff that rounding of the pose costs digits."
+        "tree_force_soft only checks the models: joint forces with the loops cut open, which MuJoCo closes with "
+        "springs so stiff that rounding of the pose costs digits."
     ),
 }
 
@@ -148,11 +148,11 @@ def _place(row: Row) -> str:
 def _model_differences(results: Comparison, *engines: str) -> list[str]:
     """Report differences between the engines' model files and the description."""
     differences = dict.fromkeys(each.sentence for name in engines for each in results.solutions[name].otherwise)
-    return [f"The models differ, too: {first_few(differences, DOUBTS, '; ')}."] if differences else []
+    return [f"The models also differ: {first_few(differences, DOUBTS, '; ')}."] if differences else []
 
 
 def _unlike(results: Comparison) -> list[str]:
-    """Report differences in model files that the scene does not allow, unless a difference or fault reports them."""
+    """Report differences in model files that the scene does not allow, unless they have been reported already."""
     if {"differ", "faulted"} & {*results.outcomes}:
         return []
     differ = f"Model files differ from the description: {first_few(results.mismatches.values(), DOUBTS, '; ')}."
@@ -220,7 +220,7 @@ def _report_integrated(pairs: list[Row]) -> list[str]:
 
 
 def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
-    """Report the digits of agreement, narrow number types last; return also open-tree quantities with fewer digits."""
+    """Report the digits of agreement, narrow number types last; also return open-tree quantities with fewer digits."""
     narrow = [row for row in agree if row["reason"].startswith(NARROW)]
     wide = [row for row in agree if not row["reason"].startswith(NARROW)]
     text, open_tree = _of_float64(wide, simulated) if wide else ("", [])
@@ -269,7 +269,7 @@ def _agreement(results: Comparison) -> list[str]:
         if not agree:
             return untested
         fewest, open_tree = _fewest(agree, results.scene.simulated)
-        every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
+        every = "the only comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
         if len(agree) < len(pairs):
             return [f"{len(agree)} of {len(pairs)} comparisons are within tolerance, {fewest}.", *untested]
         if "partly" in results.outcomes:

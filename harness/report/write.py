@@ -40,10 +40,10 @@ def write_report(
     """Write data files, then ``report.md``, ``report.html`` and the plots.
 
     Args:
-        out: Folder, created if needed. Files of an earlier report are replaced or removed; all others stay.
+        out: Folder, created if needed. Files of an earlier report are replaced or removed; all other files stay.
         tell: Function that returns the blocks of the report.
         data: File name -> table for CSV and Parquet, anything else for JSON.
-        figures: Significant figures of the numbers in CSV; every bit by default.
+        figures: Significant digits of the numbers in CSV; exact by default.
         pdf: Also print the page to ``report.pdf``.
         safe: Called when the data are on disk.
         force: Replace existing files, whatever their origin.
@@ -102,7 +102,7 @@ def _text(value: Any, figures: int | None) -> str:
 
 
 class Shown:
-    """Result with a page, the first screen of which terminals and notebooks display."""
+    """Result with a page; terminals and notebooks display its first screen."""
 
     __slots__ = ()
 
@@ -180,7 +180,7 @@ def browser() -> str:
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
         raise OutputError(
-            f"{PDF} needs Chromium or Chrome, and neither was found", "", "install one, or leave out the PDF"
+            f"{PDF} needs Chromium or Chrome, and neither was found", "", "install either, or leave out the PDF"
         )
     return path
 
@@ -206,5 +206,5 @@ def print_page(html: Path, pdf: Path) -> None:
         except subprocess.TimeoutExpired:
             why = f"stopped after {LONGEST:g} s"
         if not made.is_file() or not made.stat().st_size:
-            raise OutputError(f"the browser did not print it ({why})", str(pdf), f"print {html.name} from a browser")
+            raise OutputError(f"the page was not printed ({why})", str(pdf), f"print {html.name} from a browser")
         replace_file(pdf, made.read_bytes())

@@ -75,7 +75,7 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
 
     Args:
         linear: True if the curves share a linear axis; a still picture then omits points that lie on lines between
-            others.
+            other points.
     """
     rows, described, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
     series = [(fields, t, np.where(np.isfinite(v), v, np.nan)) for fields, t, v in series]
@@ -96,10 +96,10 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
 
 
 def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int = 7) -> Spec:
-    """Build template values ``x_scale`` and ``x_axis``, or those of y, with ticks at decades, or denser ones.
+    """Build template values ``x_scale`` and ``x_axis``, or ``y_scale`` and ``y_axis``, with ticks at decades or denser.
 
     Args:
-        values: Values to draw; only positive ones can be drawn.
+        values: Values to draw; only positive values can be drawn.
         names: Expression for the labels of the ticks.
         most: Largest number of decades with a tick.
     """
@@ -192,7 +192,7 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
 
 
 def straight_samples(t: Array, v: Array, off: float) -> NDArray[np.intp]:
-    """Select samples whose connecting lines miss no omitted sample by more than `off`; gaps remain. Shapes (n,).
+    """Select samples whose connecting lines pass within `off` of every omitted sample; gaps remain. Shapes (n,).
 
     Each of four passes tests every second sample; samples dropped in an early pass deviate less.
     """

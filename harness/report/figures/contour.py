@@ -1,4 +1,4 @@
-"""Contour plots: a component of a quantity over the cells of a grid of two coordinates."""
+"""Contour plots: a component of a quantity over a grid of two coordinates."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def has_share(cause: ToldCause) -> bool:
 
 
 def make_plots(diagnosis: Diagnosis) -> list[Picture]:
-    """Draw the machines if they differ, and the torques if these differ."""
+    """Draw the machines if they differ, and the torques if the torques differ."""
     pictures = [machines(diagnosis)] if diagnosis.differences else []
     shown = sorted(filter(has_share, diagnosis.causes), key=lambda cause: -abs(cause.share))[:MOST]
     if not shown:

@@ -21,7 +21,8 @@ class Drawing:
     Attributes:
         panels: Labels and names of components.
         unique: True if each component has a unique value; without unique values there is no tolerance.
-        others: Number of components of the figure that are omitted, because they differ from these in uniqueness.
+        others: Number of the figure's components that are omitted because they are not unique (or unique, if `unique`
+            is False).
         contour: True if a single component is drawn over a grid.
     """
 

@@ -174,7 +174,7 @@ def _lower(
     moving: bool,
     **more: object,
 ) -> Spec:
-    """Build the template values of a panel whose axis a parameter switches between logarithmic and linear.
+    """Build the template values of a panel with an axis that can be switched between logarithmic and linear.
 
     Since a Vega-Lite scale cannot change its type, it shows logarithms, which are labelled as powers of ten.
 
@@ -247,7 +247,7 @@ def sparse_samples(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[n
 
 
 def _compared_pairs(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], float | None]:
-    """Return the pairs of engines with the drawn quantity, and the tolerance if all share the same one."""
+    """Return the pairs of engines with the drawn quantity, and their tolerance if it is the same for all."""
     table = comparison.errors
     rows = table[(table["quantity"] == drawing.quantity) & (table["unit"] == drawing.unit)]
     rows = rows[rows["component"].isin(drawing.names)]
@@ -260,7 +260,7 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
     """Warn about components and engines that the curves do not show."""
     others = [engine for engine in subject.values if engine not in shown]
     if others:  # for example, joint forces of an open tree differ between cuts
-        yield f"Without curves, because not comparable with {shown[0]}: {', '.join(others)}."
+        yield f"Not drawn as curves, because not comparable with {shown[0]}: {', '.join(others)}."
     names = subject.drawing.names
     if drawn < len(names):
         yield f"Curves: the {drawn} of {len(names)} components that move most. Differences: all {len(names)}."

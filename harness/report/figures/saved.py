@@ -95,7 +95,7 @@ def points_of_width(width: str) -> float:
     found = re.fullmatch(r" *(\d+(?:\.\d*)?) *(pt|in|cm|mm) *", width) if isinstance(width, str) else None
     points = float(found[1]) * POINTS[found[2]] if found else 0.0
     if not 50.0 <= points <= 3000.0:
-        raise DescriptionError(f"{shown(width)} is not a width of a figure", "figure", 'write "8.5cm", or mm, in, pt')
+        raise DescriptionError(f"{shown(width)} is not a width for a figure", "figure", 'write "8.5cm", or mm, in, pt')
     return points
 
 

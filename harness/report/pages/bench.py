@@ -77,7 +77,7 @@ def _banners(bench: Bench) -> list[Banner]:
     measured = Banner.of(sentence, all(fit.ok for fit in bench.fits), "MEASURED", "NOT ALL MEASURED AS EXPECTED")
     lost = [row["rows"] for row in _cut_short(bench)]
     budget = f"The budget of {number(bench.plan.budget)} s ended before {count(sum(lost), 'row')}"
-    cut = f"{budget}; the results are those of the others."
+    cut = f"{budget}; the results are those of the remaining rows."
     return [*([Banner(cut, "CUT SHORT")] if lost else []), measured]
 
 
@@ -95,7 +95,7 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
 
 
 def headline(bench: Bench) -> str:
-    """Name the fastest methods at nine digits: one that closes the loops, and one that gets the joint motion."""
+    """Name the fastest methods at nine digits: one that closes the loops, and one for given joint motion."""
     for quantity in SHOWN:
         cheapest = [row for row in _cheapest(bench, quantity) if row["error"] == NINE]
         if each := [f"{row['start']} {row['family']}, {duration(row['cost'])} a sample" for row in cheapest]:
@@ -108,7 +108,7 @@ def _remarks(bench: Bench) -> list[str]:
     table_rows = rows(bench_table(bench.rows))
     parts = [f"{count(len(table_rows), 'row')} in {len(grouped(table_rows, 'family'))} families of methods."]
     if bench.fits:
-        parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes are as theory expects.")
+        parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes match theory.")
     if failed := [row["contestant"] for row in table_rows if row["status"] == FAILED]:
         parts.append(f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(failed))}.")
     return parts
@@ -151,7 +151,7 @@ def _failures(bench: Bench) -> list[Row]:
 
 
 def _cut_short(bench: Bench) -> list[Row]:
-    """Return the number of rows that were cut short for each family, and for omissions."""
+    """Count, for each family and for omissions, the rows that were cut short."""
     left_out = [{**row, "family": "leaving out", "contestant": row["engine"]} for row in rows(bench.leaving_out)]
     cut = [row for row in [*rows(bench_table(bench.rows)), *left_out] if row["status"] == CUT]
     families = ((name, [row["contestant"] for row in group]) for (name,), group in grouped(cut, "family").items())
@@ -204,7 +204,7 @@ def _simulated_headline(bench: Bench) -> str:
 
 
 def _measurements(bench: Bench) -> list[Row]:
-    """Return the measurements of a simulation, and the published ones."""
+    """Return the measurements of a simulation, and published results."""
     lines = list[Row]()
     for row, energy in pairs(bench.rows):
         line: Row = {name: getattr(row.contestant, name) for name in ("family", "setting", "label")}
@@ -285,7 +285,7 @@ def _error_and_time(
     notes: Sequence[str],
     others: Sequence[tuple[float, float, str]] = (),
 ) -> Picture:
-    """Draw points of families, connecting lines, and published values, as lines if only one number is known.
+    """Draw points of families, connecting lines, and published values (a line if only error or time is known).
 
     Args:
         axes: Title of the picture, and names of both axes.

@@ -125,7 +125,7 @@ def _about(check: Check) -> dict[str, Any]:
     files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(check).items()]
     return {
         "scenes and pairs": len(check.rows),
-        "motion": "a few samples of an exciting one" if check.smoke else "its own",
+        "motion": "a few samples of an exciting motion" if check.smoke else "its own",
         "duration": f"{sum(row.seconds for row in check.rows):.1f} s for all scenes together",
         "engines": ", ".join(engines),
         "files": first_few(files, SHOWN) + (", see Environment" if len(files) > SHOWN else ""),

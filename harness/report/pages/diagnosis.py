@@ -63,7 +63,7 @@ def _scale(diagnosis: Diagnosis) -> str:
         return ""
     return (
         f"Each share is the part of the torque difference that its cause makes by itself at {STATES} random states, "
-        "torques of each unit divided by the largest; a negative share partly cancels the others."
+        "with torques of each unit divided by the largest; a negative share partly cancels the others."
     )
 
 

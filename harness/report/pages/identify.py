@@ -1,4 +1,4 @@
-"""The report of an identification: identified numbers, unidentifiable ones, and the predicted measured forces."""
+"""The report of an identification: identified and unidentifiable numbers, and predictions of the measured forces."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def headline(found: Identification) -> str:
         )
     faster = f", {found.faster} at {FASTER:g} times its speed" if found.faster > found.told else ""
     parts.append(
-        f"Motions can identify {any_motion.rank} of {any_motion.count} numbers or combinations of them; this one "
+        f"Motions can identify {any_motion.rank} of {any_motion.count} numbers or combinations of them; this motion "
         f"identifies {found.told} with noise of {_share(found.noise)} of the largest force{faster}."
     )
     return " ".join(parts)

@@ -114,7 +114,7 @@ def _overview(results: Comparison) -> list[Row]:
 
 
 def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
-    """Show plots of quantities that differ; fold the others under a line that states the digits of agreement."""
+    """Show plots of quantities that differ; fold the other plots under a line that states the digits of agreement."""
     drawn, pairs, shown, folds = named_drawings(results), _pairs(results), list[Block](), list[Block]()
     for picture in pictures:
         drawing, errors = drawn.get(picture.name), pairs.get(picture.name, [])
@@ -137,7 +137,7 @@ def _pairs(results: Comparison) -> dict[str, list[Row]]:
 
 
 def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
-    """Select the leading picture: of a difference, else of actuator forces, else any; then that of the mechanism."""
+    """Select the first pictures: one of a difference, or else of actuator forces, or else any; then the mechanism."""
     drawn, pairs = named_drawings(results), _pairs(results)
     shown = [picture for picture in pictures if picture.name in drawn]
     differ = [picture for picture in shown if not all(row["ok"] for row in pairs.get(picture.name, []))]
@@ -171,7 +171,7 @@ def _estimate(error: Error) -> str:
 
 
 def _conditioning(results: Comparison) -> list[Block]:
-    """Summarise the conditioning: either no sample is flagged, or describe the worst flagged samples."""
+    """Summarise the conditioning: state that no sample is flagged, or describe the worst flagged samples."""
     if not results.guard:
         return []
     bad = {key: error for key, error in results.guard.items() if not error.ok}
@@ -204,7 +204,7 @@ def _times(results: Comparison) -> list[Row]:
 
 
 def published(results: Comparison) -> list[Row]:
-    """Return errors and times of this run, and published ones."""
+    """Return errors and times of this run and of published results."""
     theirs_, ours = [*map(published_row, results.scene.published)], list[Row]()
     pairs, judged = results.pairs, results.judge
     for engine, solution in results.solutions.items() if theirs_ else ():

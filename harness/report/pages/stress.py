@@ -1,4 +1,4 @@
-"""The report of a stress run: severities at which engines break, with or without warning, then each series."""
+"""The report of a stress run: severities at which engines break, with or without warning, then each series of cases."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 COLUMNS = {DEGRADED: "degraded", REFUSED: "refused", SILENT: "silent"}
 TITLE = "Digits kept as scenes become extreme"
 NOTES = (
-    "Severity grows to the right, for a ratio to both sides.",
+    "Severity grows to the right; the severity of a ratio grows to both sides.",
     "In the shaded part, below nine digits, a result needs a warning.",
     "Full: ok. Hollow: degraded, and says so. Cross below the axis: refused. Square in a red frame: silently wrong.",
 )
@@ -66,7 +66,9 @@ def headline(stress: Stress) -> str:
         where = f"worst in {case}, from {known[case].axis} = {_first(known[case], some)} on"
         parts.append(f"{engine} in {len(cases)} of {len(grouped(by_engine[engine,], 'case'))} cases ({where})")
     sentences = (
-        [f"In extreme scenes these return wrong numbers without a warning: {'; '.join(parts)}."] if parts else []
+        [f"In extreme scenes these engines return wrong numbers without a warning: {'; '.join(parts)}."]
+        if parts
+        else []
     )
     if not parts:
         sentences = ["In extreme scenes no engine returns a wrong number without a warning."]
@@ -83,7 +85,7 @@ def _first(case: StressCase, group: Sequence[Row]) -> str:
 
 
 def _engines(stress: Stress) -> Iterator[Row]:
-    """Yield digits for each case and engine; for each verdict but ok, the number of rows and the first severity."""
+    """Yield digits for each case and engine, and the number of rows and first severity for each verdict but ok."""
     known = {case.name: case for case in stress.cases}
     for (case, engine), group in grouped(_rows(stress), "case", "engine").items():
         kept = [row["digits"] for row in group if np.isfinite(row["digits"])]

@@ -28,7 +28,7 @@ NOTES = (
 
 
 def headline(sweep: Sweep) -> str:
-    """State the most influential number, the number of variants, and on how many the engines agree."""
+    """State the most influential number, the number of variants, and the number on which the engines agree."""
     count, lost = len(sweep.why), int(np.sum(sweep.why != ""))
     parts = []
     if sweep.effects:

@@ -219,7 +219,7 @@ FURTHER = {
 
 
 def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]:
-    """Draw marks with their meanings; return them with the height of the legend.
+    """Draw marks with their meanings; return the drawing and the height of the legend.
 
     Args:
         more: Entry of `FURTHER` -> True if the drawing contains such an element.

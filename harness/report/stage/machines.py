@@ -58,7 +58,7 @@ class DrawnMachine:
             yield name, self.point(frame[:3, 3])
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Yield lines of bodies: from the joint that moves each body to its other joints and closures, or its mass."""
+        """Yield lines of bodies: from a body's first joint to its other joints and closures, or its centre of mass."""
         at, masses, held = self.joints(), self.masses(), [*self.closures()]
         behind = dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
@@ -112,7 +112,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
         f'<svg xmlns="http://www.w3.org/2000/svg" class="two" {size_text}><style>{LOOK}</style>'
         f'<rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
     )
-    return Picture("machines", "Both machines at home, differences in colour", svg)
+    return Picture("machines", "Both machines in the home pose, with differences in colour", svg)
 
 
 def _in_one_pose(diagnosis: Diagnosis) -> tuple[Reading, Reading]:
@@ -156,7 +156,7 @@ def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
 
 
 def _draw(side: DrawnMachine, view: Array, shift: Array, heaviest: float, tall: float, left: float) -> str:
-    """Draw lines, masses with radii by their cube root, joints, and names."""
+    """Draw lines, joints, names, and masses as circles with radii proportional to the cube root of the mass."""
     differs: Collection[str] = frozenset(side.differs)
     spots, out = {name: view @ at + shift for name, at in side.joints().items()}, list[str]()
     for name, a, b in side.links():

@@ -88,13 +88,13 @@ def remarks(picture: Picture) -> list[Block]:
     there = [shape for shape in shown["shapes"] if shape["g"] == "other"]
     moved = dict.fromkeys(shape["n"] for shape in there if shape["k"] != "arrow")
     turned = dict.fromkeys(shape["n"] for shape in there if shape["n"] not in moved)
-    lines = (("At another place in the other", moved), ("Axis reversed in the other", turned))
+    lines = (("At a different place in the second mechanism", moved), ("Axis reversed in the second mechanism", turned))
     other = [Text(f"{lead}: {', '.join(names)}.") for lead, names in lines if names]
     return [*other, Items(tuple(shown["words"])), *(odd if shown["doubts"] else [])]
 
 
 def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
-    """Build the input of ``stage.js``, with remarks; positions are relative to the centre, in lengths of the mechanism.
+    """Build the input of ``stage.js``, with remarks; positions are from the centre, divided by the mechanism's length.
 
     Args:
         more: Springs, and shapes of a second mechanism.
@@ -192,7 +192,7 @@ def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
 
 
 def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
-    """Return leg wrenches and remaining twists at selected samples: point, direction and `kind` of each, flattened."""
+    """Return leg wrenches and remaining twists at selected samples: their points, directions and kinds, flattened."""
 
     def row(system: Sequence[ScrewElement], k: int) -> list[float]:
         if k >= len(system):
@@ -227,7 +227,7 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
     rigid = without_fixed_joints(mechanism)
     sides = [side for joint in rigid.joints for side in joint.bodies]
     tips = sum(sides.count(body.name) == 1 for body in rigid.bodies)
-    text = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.cuts else []
+    text = [f"An open tree with {tips} ends; {first.body} is the farthest end."] if tips > 1 and not lay.cuts else []
     normal = normal_of_plane(at.S[0, mechanism.columns(mechanism.moving)])
     text += filter(None, [_constraints(first, places, normal)])
     text.append(f"Remaining freedoms of {first.body}: {_screws(first.twists, TWISTS, places)}.")
@@ -256,7 +256,7 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
 
 
 def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None) -> str:
-    """Describe each leg's constraint forces and couples on a body; legs with equal ones share a clause.
+    """Describe each leg's constraint forces and couples on a body; legs with equal constraints share a clause.
 
     For planar mechanisms (`normal` of the plane), only forces and couples that act in the plane are listed.
     """
