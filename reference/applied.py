@@ -26,7 +26,7 @@ class Load:
     """A force and moment on a body.
 
     Attributes:
-        body: Body on which the load acts (signs of an opposite reading are already applied).
+        body: Body on which the load acts; a load that the body exerts has been reversed.
         point: Point of application in the body frame [m], or None for the centre of mass. Shape (3,).
         force, torque: Force [N] and moment [N m]. Shape (3,), or (n, 3) for n samples; NaN if they follow from
             `courses`, see `at`.

@@ -140,7 +140,7 @@ class Coupling:
     Attributes:
         coordinate: Name of the dependent joint coordinate.
         function: Right-hand side; constant for a fixed coordinate.
-        fixing: True for the coupling that holds the hinge of the fixed joint of the same name.
+        fixing: True for the coupling that locks the hinge of the fixed joint with the same name.
     """
 
     name: str
@@ -272,7 +272,7 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
     for coupling in couplings:
         if around := find_cycle(coupling.coordinate, above):
             what = f"'{coupling.coordinate}' depends on itself through the couplings of {', '.join(sorted(around))}"
-            raise DescriptionError(what, coupling.where, "remove one of them")
+            raise DescriptionError(what, coupling.where, "remove one of these couplings")
 
 
 def find_cycle(coordinate: str, above: Mapping[str, Collection[str]]) -> tuple[str, ...]:

@@ -84,7 +84,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     _check_names(mechanism, where)
     check_connected(mechanism, where)
     if not mechanism.mass:
-        raise DescriptionError("no body has mass", f"{where}, bodies", "give mass to at least one")
+        raise DescriptionError("no body has mass", f"{where}, bodies", "give mass to at least one body")
     return mechanism
 
 

@@ -129,7 +129,7 @@ def gain(K: Array, rows: list[int]) -> float:
 
 
 def _drive(sketch: Sketch, K: Array) -> list[int]:
-    """Actuate the family's driven R and P joints, else one random joint per degree of freedom, and sometimes one more.
+    """Actuate the family's driven R and P joints, else random joints: one per degree of freedom, sometimes one more.
 
     Returns:
         Rows of the actuated coordinates.

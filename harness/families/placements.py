@@ -130,7 +130,7 @@ def _serial(s: Sketch, kinds: str = "") -> None:
 
 
 def _gear_train(s: Sketch) -> None:
-    """Draw an open chain or tree in which one or two coordinates determine all others by couplings."""
+    """Draw an open chain or tree with couplings by which one or two coordinates determine all the rest."""
     free = int(s.rng.integers(1, 3))
     _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _draw_kinds(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
@@ -146,7 +146,7 @@ def _geared_loop(s: Sketch) -> None:
 
 
 def _belt_train(s: Sketch) -> None:
-    """Draw an open chain or tree in which two or three coordinates determine all others, by couplings of several."""
+    """Draw an open chain or tree; couplings of several coordinates leave two or three degrees of freedom."""
     free = int(s.rng.integers(2, 4))
     _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _draw_kinds(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):

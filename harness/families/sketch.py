@@ -32,7 +32,7 @@ class Placed:
 
     @property
     def freedoms(self) -> list[tuple[bool, Array]]:
-        """Pairs of a flag, True for rotation, and an axis, one for each degree of freedom; C has two on one axis."""
+        """Pairs of a flag, True for rotation, and an axis, one pair per degree of freedom; C has two on one axis."""
         turns = KINDS[self.kind]
         return [(turn, self.axes[min(i, len(self.axes) - 1)]) for i, turn in enumerate(turns)]
 
@@ -43,7 +43,7 @@ class Placed:
         return float(np.arctan2(np.cross(normal, third) @ second, normal @ third))
 
     def before(self, home: Array, W: Array) -> tuple[Array, Array, Array]:
-        """Return the axes before the joint moved to its home coordinates, and its rotation and displacement since then.
+        """Return the axes at zero coordinates, and the rotation and displacement from there to the home coordinates.
 
         Args:
             W: Rotation of the sketch.
@@ -142,9 +142,7 @@ class Sketch:
         return [0, *np.cumsum([len(KINDS[joint.kind]) for joint in self.joints]).tolist()]
 
     def tie(self, row: int, *leads: int) -> None:
-        """Couple a coordinate with similar speed: linearly to all leads, or in half the cases nonlinearly to a single
-        one.
-        """
+        """Couple a coordinate with similar speed: linearly to all leads, or (in half the cases) nonlinearly to one."""
         self.ties[row] = {}
         for of in leads:
             slope = self.rng.uniform(0.3, 1.5) * self.rng.choice([-1, 1])

@@ -100,7 +100,7 @@ def _at(mechanism: Mechanism, motion: GivenMotion, applied: Applied) -> ClosedMo
 
 
 def _along(at: ClosedMotion, numbers: tuple[int, ...]) -> tuple[Array, float]:
-    """Return forces along motions that move no actuator, for zero accelerations along these; and the largest force."""
+    """Return forces along motions that move no actuator, if these motions do not accelerate; and the largest force."""
     ydd = at.ydd * ~np.isin(np.arange(at.ydd.shape[1]), numbers)
     still = ClosedMotion(at.loops, at.q, at.yd, ydd, at.applied, at.t)
     unit = at.loops.sizes[at.loops.y_columns]

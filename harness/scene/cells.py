@@ -1,4 +1,4 @@
-"""Cells of a grid of poses that can be reached from home, in an order in which each is next to an earlier cell."""
+"""Cells of a grid of poses that can be reached from home, ordered so that each cell is adjacent to an earlier cell."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
 NEWTON, PIECES, FINEST = 8, (1, 8), 64
 #: Number of cells near home that are tried as the first cell.
 FIRST = 20
-NOT_REACHED = "the loops do not close there, or only beyond a singular pose, seen from home"
+NOT_REACHED = "the loops do not close there, or a singular pose lies between this cell and the home pose"
 
 
 Closed = tuple[Array, ...]
@@ -50,7 +50,7 @@ def edges(counts: Sequence[int]) -> tuple[Rows, Rows]:
 def examine(
     mechanism: Mechanism, y: Array, counts: Sequence[int], undriven: Collection[int]
 ) -> tuple[list[str], tuple[Rows, Rows], int]:
-    """Close the loops at all cells that can be reached from home, moving from cell to cell.
+    """Close the loops at all cells that can be reached from the home pose, moving from cell to cell.
 
     Args:
         y: Independent coordinates of the cells, the last axis running fastest [rad or m]. Shape (n, k).
@@ -86,7 +86,7 @@ def examine(
 
 
 def _first(mode: AssemblyMode, y: Array, nearest: Rows) -> tuple[int, Array] | None:
-    """Find a cell that can be reached from home, and its unknowns. Shape (n_z,)."""
+    """Find a cell that can be reached from the home pose, and its unknowns. Shape (n_z,)."""
     for row in nearest[:FIRST].tolist():
         mode.restart()
         try:
@@ -146,7 +146,7 @@ def _rows(cells: Closed, rows: Rows) -> Closed:
 
 
 def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[np.bool_]]:
-    """Close the loops near predicted poses; return the poses, and True for each that closes. (n, n_z), (n, k)."""
+    """Close the loops near predicted poses; return the poses, and True for each closed pose. (n, n_z), (n, k)."""
     with np.errstate(all="ignore"):
         z, J, error, *more = newton(system.evaluate, z, y, most=NEWTON)
         K = velocity_map(J, y.shape[1])
@@ -156,7 +156,7 @@ def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[n
 def _advance(
     system: LoopEquations, at: Closed, way: tuple[Array, Array], pieces: int
 ) -> tuple[Closed, NDArray[np.bool_]]:
-    """Move straight from cells to their targets, piece by piece; return True for each success. Shape (n, k) each."""
+    """Move straight from cells to their targets, piece by piece; return the poses, and True for successes. (n, k)."""
     step, good = (way[1] - way[0]) / pieces, np.ones(len(way[0]), dtype=bool)
     for i in range(1, pieces + 1):
         rows = np.flatnonzero(good)
@@ -213,7 +213,7 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
 def walk(
     counts: Sequence[int], wanted: NDArray[np.bool_], ways: tuple[Rows, Rows], first: int
 ) -> tuple[Rows, Rows, Rows]:
-    """Order the cells so that each is adjacent to an earlier one: along the last axis, then on to the next row.
+    """Order the cells so that each is adjacent to an earlier cell: along the last axis, then on to the next row.
 
     Args:
         wanted: True for cells that have results; the path may pass through other cells. Shape (n,).
@@ -221,7 +221,7 @@ def walk(
         first: Cell at which the path begins.
 
     Returns:
-        Cells in order; cells of the whole path, including ways back; and the index on the path at which each cell is
+        Cells in order; cells of the whole path, including backtracking; and the index on the path at which each cell is
         first reached.
     """
     beside: list[dict[int, int]] = [{} for _ in wanted]  # difference in index -> the adjacent cell

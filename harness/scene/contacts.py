@@ -142,7 +142,8 @@ def choose_independent(
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Return label -> independent coordinate under contacts, and the named coordinates that are dependent.
 
-    Named coordinates are preferred, then actuated ones, other labels of the description, contacts, and the base pose.
+    Named coordinates are preferred, then actuated coordinates, other labels of the description, contacts, and the base
+    pose.
 
     Raises:
         ScrewgaugeError: Contacts leave no degree of freedom, or start at a singular pose.
@@ -150,7 +151,7 @@ def choose_independent(
     K, names = motions(touching)[0], touching.coordinates
     if not K.shape[1]:
         raise DescriptionError(
-            "the contacts leave no degree of freedom", where, "remove one, or set its kind to 'point'"
+            "the contacts leave no degree of freedom", where, "remove a contact, or set its kind to 'point'"
         )
     if why := why_singular(touching):
         remedy = "start the motion with bent legs: contacts hold the bodies where they are at the start"
@@ -168,7 +169,7 @@ def choose_independent(
 
 
 def _first_of(K: Array, tiers: Iterable[tuple[Sequence[int], float]]) -> list[int]:
-    """Select linearly independent rows, early ones first; more than a given share of each is new. (n, k) -> k."""
+    """Select rows, in order, of which more than a given share is independent of rows selected before. (n, k) -> k."""
     rest, sizes, chosen = K.copy(), np.linalg.norm(K, axis=1), list[int]()
     for rows, least in tiers:
         for row in rows:

@@ -53,11 +53,11 @@ PERIODS = 2.0 * SINES  # number of periods of a sine with the usual frequency, w
 
 
 def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
-    """Describe the obstacle of a motion from home: limits, or poses much worse conditioned than home; empty if none.
+    """Describe what stops a motion from home: limits, or poses much worse conditioned than home; empty if nothing.
 
     Args:
         mode: Assembly mode that follows the motion strictly, and reuses poses that it has followed before.
-        part: Number of samples tracked before screening: finding the end of a path takes long.
+        part: Number of samples tracked before screening; finding the end of a path takes a long time.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -88,13 +88,14 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
         largest: Amplitude to try first [rad or lengths of the mechanism].
 
     Raises:
-        DescriptionError: The motion of the scene is integrated, or the mechanism has no room to move about home.
+        DescriptionError: The motion of the scene is integrated, or the mechanism has no room to move about its home
+            pose.
         ScrewgaugeError: The mechanism is invalid.
     """
     check_scene_type(scene, "exciting")
     check_seed(seed)
     if scene.simulated:
-        what = "an exciting motion can only replace a given motion, and this one is integrated"
+        what = "an exciting motion can only replace a given motion, but this scene is simulated"
         raise DescriptionError(what, scene.name, "run the scene with its own motion")
     if scene.tables:
         raise DescriptionError(
@@ -146,7 +147,7 @@ def _whole(scene: Scene, given: Drive) -> Drive | Followed:
 
 
 def _room(mechanism: Mechanism) -> Array:
-    """Return the distance of each independent coordinate from its limits at home [rad or m], inf beyond. Shape (k,)."""
+    """Return each independent coordinate's distance from its limits at home [rad or m]; inf beyond them. Shape (k,)."""
     columns = mechanism.independent_columns
     low, high = mechanism.limits[columns].T
     room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])
@@ -158,7 +159,7 @@ def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Foll
         scene,
         name=f"{scene.name}-exciting-{seed}",
         title=f"{scene.title}, exciting motion of seed {seed}",
-        description=f"{scene.description} An exciting motion (seed {seed}) replaces its own.",
+        description=f"{scene.description} An exciting motion (seed {seed}) replaces its given motion.",
         task=drive(t),
         drive=drive,
         text={**scene.text, "motion": tables},

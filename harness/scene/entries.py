@@ -124,7 +124,7 @@ _ENDS = ("first", "first_point", "second", "second_point")
 
 
 def read_load(mechanism: Mechanism, table: Any, where: str, folder: Path = Path()) -> Load:
-    """Read a load that ``by`` exerts on ``on``; one of them is a body, the other the environment.
+    """Read a load that ``by`` exerts on ``on``: a body and the environment, or vice versa.
 
     Args:
         folder: Folder of CSV files.
@@ -150,7 +150,7 @@ def _as_list(value: Any) -> list[Any]:
 
 
 def _components(table: dict[str, Any], key: str, where: str, folder: Path) -> Iterator[Course | Samples]:
-    """Yield the three components of a load, each a number, a course over time, or a column of a CSV file."""
+    """Yield the three components of a load: numbers, functions of time, or columns of a CSV file."""
     values, where = table.get(key, [0, 0, 0]), f"{where}.{key}"
     if not isinstance(values, list) or len(values) != 3:
         raise DescriptionError(f"{shown(values)} is not a list of three components", where, "write three components")

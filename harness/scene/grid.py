@@ -58,7 +58,7 @@ class GridMotion:
         units: Units of these coordinates, rad or m.
         axes: Values along each axis.
         cells: Indices of the cells in the order of the walk. Shape (n, n_axis).
-        path: Independent coordinates of the cells along the walk, including ways back. Shape (p, k).
+        path: Independent coordinates of the cells along the walk, including backtracking. Shape (p, k).
         reached: Index on the path at which each cell is first reached. Shape (n,).
         missing: Cells without results.
         freedoms: Coordinates that the grid does not vary and no actuator drives; they rest, but may accelerate.
@@ -93,7 +93,7 @@ class GridMotion:
     def extent(self) -> str:
         """Sentence with the number of cells, and the assumptions about the cells."""
         n = len(self.missing) + len(self.cells)
-        return f"{len(self.cells)} of {n} cells, each at rest; t numbers them in the order of a walk from home"
+        return f"{len(self.cells)} of {n} cells, each at rest; t numbers the cells in the order of a walk from home"
 
     @property
     def told(self) -> list[str]:
@@ -119,10 +119,10 @@ def is_grid(table: Any, mechanism: Mechanism) -> bool:
 
 
 def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) -> GridMotion:
-    """Read ``[motion.grid]``; other coordinates keep a constant ``offset``, or their value at home.
+    """Read ``[motion.grid]``; all remaining coordinates keep a constant ``offset``, or their home value.
 
     Raises:
-        ScrewgaugeError: The grid cannot be read, or none of its cells can be reached from home.
+        ScrewgaugeError: The grid cannot be read, or none of its cells can be reached from the home pose.
     """
     every, entries = [*mechanism.independent], table[KEY]
     check_keys(table, [*every, KEY], where)

@@ -130,8 +130,8 @@ def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
 def _said_of_base(base: Joint) -> str:
     """Return a sentence on the force that the prescribed motion of a base requires."""
     return (
-        f"the motion of {base.child} is given and no actuator drives it: actuator_force includes what the ground would "
-        f"have to exert along {first_few(base.held, len(base.coordinates))}"
+        f"the motion of {base.child} is given and no actuator drives it: actuator_force includes the force that the "
+        f"ground would have to exert along {first_few(base.held, len(base.coordinates))}"
     )
 
 
@@ -180,7 +180,7 @@ def _motion(mechanism: Mechanism, labels: list[str], data: dict[str, Any], path:
 def _stance(mechanism: Mechanism, start: Mapping[str, float], table: Any, where: str) -> Array:
     """Return all coordinates of the description without contacts, at the pose where contacts begin. Shape (n_q,).
 
-    Each coordinate has its value at the start of the motion, or else its value in ``[stance]``, or else at home.
+    Each coordinate has its value at the start of the motion, or else its value in ``[stance]``, or else its home value.
     """
     check_keys(table, mechanism.independent, where)
     if twice := [label for label in table if label in start]:
@@ -207,7 +207,7 @@ def _rule_note(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
     if len(touching.actuators) > len(touching.independent) and "forward" not in data:
         yield (
             f"with contacts, {len(touching.actuators)} actuators drive {len(touching.independent)} freedoms: they can "
-            f"strain the mechanism against the ground; the rule {data.get('rule', RULES[0])} chooses how they share"
+            f"strain the mechanism against the ground; the rule {data.get('rule', RULES[0])} determines their forces"
         )
 
 

@@ -35,7 +35,7 @@ COARSE = 1e-3
 
 
 Start = Mapping[str, float | None]
-"""``start`` of a coordinate that no actuator drives, default home, and ``rate``, default without momentum along it."""
+"""``start`` of a coordinate that no actuator drives (default: home), and ``rate`` (default: no momentum along it)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +204,7 @@ class Followed:
         )
 
     def _inert(self, undriven: list[int]) -> list[int]:
-        """Select coordinates with inertia independent of that of coordinates selected before; the others rest."""
+        """Select coordinates whose inertia is independent of coordinates selected before; all others rest."""
         lay = layout(self.mechanism)
         unit = home_equations(lay).sizes[self.mechanism.independent_columns]
         total: Array | float = 0.0
@@ -236,7 +236,7 @@ class Followed:
 
 
 def _about_home(lay: Layout) -> list[Array]:
-    """Return the home pose and those poses near it at which the loops close. Shape (n_q,) each."""
+    """Return the home pose and nearby poses at which the loops close. Shape (n_q,) each."""
     branch, columns = BranchPose(lay, lay.mechanism.home), lay.mechanism.independent_columns
     unit, poses = branch.system.sizes[columns], [lay.mechanism.home]
     for i in range(2):

@@ -1,4 +1,4 @@
-"""Keys of a scene file, defined in the table ``keys.toml``, which readers of scenes and a page of the guide use."""
+"""Keys of a scene file, defined in ``keys.toml``, from which scenes are read and a page of the guide is generated."""
 
 from __future__ import annotations
 

@@ -199,7 +199,7 @@ class Sampled:
     def doubts(self, labels: Sequence[str]) -> tuple[str, ...]:
         """Warn about columns that are not the derivative of their counterpart, e.g. because units or signs differ.
 
-        A column is reported if its integral (trapezoidal rule) deviates from the other column by more than half of the
+        A column is reported if its integral (trapezoidal rule) deviates from its counterpart by more than half of the
         larger travel: either units or signs are wrong, or the sampling is too coarse.
         """
         y, yd, ydd = (x.T for x in (self.samples.y, self.samples.yd, self.samples.ydd))
@@ -241,7 +241,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
 
 
 def moved_labels(table: Any, labels: list[str], folder: Path, where: str) -> list[str]:
-    """Select the independent coordinates to which ``[motion]``, or its file, gives a motion."""
+    """Select the independent coordinates that have a motion in ``[motion]`` or its file."""
     if not isinstance(table, dict) or "csv" not in table:
         check_keys(table, labels, where)
         return [label for label in labels if label in table]

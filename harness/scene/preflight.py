@@ -56,7 +56,7 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
     if (np.abs(start - home) <= FAR * size).all():
         return ()
     places = mechanism.described(start), mechanism.described(home)
-    return (f"the motion starts at {places[0]}, home is {places[1]} (coordinates are not measured from home)",)
+    return (f"the motion starts at {places[0]}; the home pose is {places[1]} (coordinates are not measured from home)",)
 
 
 @lru_cache(maxsize=1)  # both arguments are immutable, and a smoke test runs a scene several times
@@ -82,7 +82,7 @@ def _walk(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
 def check_actuation(
     scene: Scene, freedoms: Mobility, quantities: Collection[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the quantities that the actuators determine, and a sentence on those left out if the user chose none.
+    """Return the quantities that the actuators determine, and a sentence on omissions if the user did not choose.
 
     Raises:
         DescriptionError: No forces, or none that follow the rule, satisfy the equations of motion.
@@ -171,7 +171,7 @@ class SampleWalk:
         self.before: float | None = None
 
     def part(self, motion: GivenMotion) -> Array:
-        """Return joint coordinates of a part with regular poses; unlimited cut joints have nearby values. (n, n_q).
+        """Return joint coordinates over part of the motion, approximate for cut joints without limits. Shape (n, n_q).
 
         Raises:
             ClosureError: The loops cannot close.
@@ -196,7 +196,7 @@ class SampleWalk:
         return q
 
     def _passage(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
-        """Make the error about a motion that passes a singular pose."""
+        """Build the error for a motion that passes a singular pose."""
         ended = self.system.coordinates(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
         meets, described = self.lay.mechanism.described(end.y), self.lay.mechanism.described
@@ -207,9 +207,9 @@ class SampleWalk:
         if not i:
             return SingularPoseError(
                 f"the motion lies beyond a singular pose, seen from home, at {described(motion.y[0])} "
-                f"(the path from home meets one at {meets}): {near}",
+                f"(the path from home is singular at {meets}): {near}",
                 f"t = {times[0]:g} s",
-                "keep it on the side of home, or choose a home pose beyond the singular one",
+                "keep the motion on the same side as home, or choose a home pose beyond the singular pose",
             )
         what = f"the motion passes through a singular pose near {meets}: {near}"
         return SingularPoseError(

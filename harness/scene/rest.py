@@ -44,13 +44,13 @@ def unique_samples(scene: Scene) -> NDArray[np.bool_]:
 
 
 def rest_warning(scene: Scene) -> Iterator[str]:
-    """Warn if the direction of dry friction is undefined at some samples, stating its possible size there."""
+    """Warn if the direction of dry friction is undefined at some samples, and state its possible magnitude there."""
     if not (rests := at_rest(scene)):
         return
     rows = np.flatnonzero(np.any([*rests.values()], axis=0))
     named = (f"{one.coordinate} (up to {one.amount:g} {one.unit})" for one in rests)
     yield (
         "Dry friction is taken as zero where a joint rests, although it may be anything up to its limit: at "
-        f"{len(rows)} of {len(scene.t)} samples, first at t = {scene.t[rows[0]]:g} s, of {first_few(named, SHOWN)}. "
+        f"{len(rows)} of {len(scene.t)} samples, first at t = {scene.t[rows[0]]:g} s, in {first_few(named, SHOWN)}. "
         "Forces that depend on it are not unique there, and forces in tables are not compared at these samples."
     )

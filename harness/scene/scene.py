@@ -261,13 +261,13 @@ class Scene:
     def acting_on(self, engine: str) -> Applied:
         """Return the forces that act on the model of an engine; a user's MJCF keeps its own gravity.
 
-        The judge checks that gravity, too. URDFs and descriptions do not specify gravity.
+        The judge also checks the gravity of the MJCF. URDFs and descriptions do not specify gravity.
         """
         file = self.models.get(engine)
         return self.applied if file is None or file.suffix != ".xml" else replace(self.applied, gravity=None)
 
     def wording(self) -> Wording:
-        """Return the strings of motion, gravity and loads; None for any that were replaced by different doubles."""
+        """Return the strings of motion, gravity and loads; None where different doubles replaced them."""
         if not self.text:
             return Wording()
         motion, gravity, loads = (self.text[key] for key in ("motion", "gravity", "loads"))

@@ -32,8 +32,8 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         The layout of the mechanism, and warnings to show.
 
     Raises:
-        ScrewgaugeError: The loops do not close at home or at the start, the start exceeds a limit, or no force can move
-            a coordinate.
+        ScrewgaugeError: The loops do not close at the home pose or at the start, the start exceeds a limit, or no force
+            can move a coordinate.
     """
     lay, task, mechanism = check_home(scene.mechanism), scene.start, scene.mechanism
     if len(task.grid) < 2:
@@ -44,7 +44,7 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         k = int(away.argmax())
         unit = mechanism.units[mechanism.independent_columns[k]]
         what = f"the start is {away[k]:.3g} {unit} away from the home pose"
-        raise DescriptionError(what, scene.name, f"start within {FARTHEST:g}; check its units")
+        raise DescriptionError(what, scene.name, f"start within {FARTHEST:g} of home; check its units")
     since = np.array([task.since])
     q = positions(lay, task.start[None], since)
     check_regular(lay, q, since, task.start[None])
@@ -99,5 +99,5 @@ def stiff_warning(fastest: complex, task: InitialValue) -> str:
     turning = f" +- {abs(fastest.imag):.3g}i" if abs(fastest.imag) > 1e-6 * abs(fastest) else ""
     return (
         f"The scene is stiff for {method}: its fastest eigenvalue at the start, {fastest.real:.3g}{turning} 1/s, "
-        f"bounds a stable step to about {step:.2g} s, {steps:.2g} steps for the whole motion; use Radau or BDF."
+        f"limits a stable step to about {step:.2g} s, {steps:.2g} steps for the whole motion; use Radau or BDF."
     )

@@ -32,8 +32,8 @@ class AssemblyMode:
     """
 
     def __init__(self, lay: Layout, *, strict: bool = False) -> None:
-        """Start at home. With `strict`, every pose is followed along the motion or a straight path, even where a closed
-        form exists. By default, samples that do not form a motion may be reached along other paths.
+        """Start at the home pose. With `strict`, every pose is followed along the motion or a straight path, even where
+        a closed form exists. By default, samples that do not form a motion may be reached along other paths.
         """
         self.lay, self.system, self.columns = lay, home_equations(lay), lay.mechanism.independent_columns
         self.unit, self.strict = self.system.sizes[self.columns], strict
@@ -81,7 +81,7 @@ class AssemblyMode:
             self.continuation.restart()
 
     def in_closed_form(self, y: Array) -> Poses | None:
-        """Compute poses without continuation, for open trees and for legs with a closed form on this mode, or None."""
+        """Compute poses of open trees, and of legs with a closed form on this mode; return None for all others."""
         q, system, rows = self._in_closed_form(y), self.system, np.arange(len(y))
         if q is None:
             return None
@@ -101,7 +101,7 @@ class AssemblyMode:
         return self.system.tree(poses.z, near)
 
     def rows(self, poses: Poses, columns: Sequence[int]) -> Array:
-        """Return predicted tree coordinates of the given columns, one row each [rad or m]. Shape (len(columns), n)."""
+        """Return predicted tree coordinates, one row per given column [rad or m]. Shape (len(columns), n)."""
         places = [self.system.unknown.index(c) for c in columns]
         return np.ascontiguousarray(poses.z[:, places].T) * self.system.sizes[[*columns], None]
 
@@ -120,7 +120,7 @@ class AssemblyMode:
         return follow_cut_joints(self.lay, q, near)
 
     def refine(self, poses: Poses) -> Poses:
-        """Replace poor predictions by better ones, see `Continuation.refine`."""
+        """Improve poor predictions, see `Continuation.refine`."""
         return poses if poses.path is None else poses.path.refine(poses)
 
     def follow(self, poses: Poses) -> tuple[Array, ...]:

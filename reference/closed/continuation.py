@@ -170,7 +170,7 @@ class Continuation(Walk):
         return True
 
     def _curves(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> tuple[Array, Flags, Array]:
-        """Build the curve to each sample, a flag that it is the motion, and the motion's deviation at the midpoint.
+        """Build curves to the samples, flags for curves that are the motion, and the motion's deviations at midpoints.
 
         Returns:
             Shapes (n, 6, k), (n,), (n, k).
@@ -198,8 +198,8 @@ class Continuation(Walk):
     def _link(self, curves: Array, miss: Array) -> tuple[Indices, Flags, Flags]:
         """Find the anchors of samples, and flag samples inside the ball and samples linked to their predecessor.
 
-        A sample is linked if both anchors lie on one branch and the curve from the predecessor, or each half of that
-        curve, lies in one ball. Shape (n, 6, k).
+        A sample is linked if its anchor and that of its predecessor lie on one branch and the curve from the
+        predecessor, or each half of that curve, lies in one ball. Shape (n, 6, k).
         """
         anchors, y = self.anchors, curves[:, -1]
         covering, inside = anchors.cover(y, int(anchors.table["sheet"][self.at]))
@@ -271,7 +271,7 @@ class Continuation(Walk):
         return False
 
     def _end(self, curve: Curve, t: float, *, singular: bool) -> PathEnd:
-        """Build the error for a curve that cannot be followed; it states whether the loops close beyond that pose."""
+        """Build the error for a curve that cannot be followed; it states whether loops close beyond the last pose."""
         anchor, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
         beyond = self._predict_beyond(curve.at(min(1.0, done + LEAP)))

@@ -146,7 +146,7 @@ class LoopEquations(Loops):
         return self.coordinates(z, q[None])[0], K
 
     def walk(self, kind: type[W], *, strict: bool = False) -> W:
-        """Start a `Continuation` or a `Region` at home."""
+        """Start a `Continuation` or a `Region` at the home pose."""
         home, turns, given = self.lay.mechanism.home, self.lay.turns, self.y_columns
         start, angles = (self.unknowns(home), home[given]), (turns[self.unknown], turns[given])
         return kind(self.evaluate, start, angles, self.sizes[given], resting=bool(self.fixed), strict=strict)
@@ -182,7 +182,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
 
     Coordinates are analytic functions of y. A coordinate that is at rest at several general poses, in value and in
     every first derivative, is at rest on the whole branch. The loops must still close to rounding if it is fixed, which
-    is tested, too.
+    is also tested.
     """
     free = loop_equations(lay)
     # in single precision no trial would converge
@@ -204,7 +204,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
 
 
 def _may_rest(system: LoopEquations) -> bool:
-    """Return True if a dependent coordinate is at rest to first order at home, which is rare."""
+    """Return True if a dependent coordinate is at rest to first order at the home pose, which is rare."""
     A = system.matrix(system.lay.mechanism.home[None])
     still = np.abs(velocity_map(A, len(system.y_columns))[0]).max(axis=1) <= STILL
     return any(rests and c not in system.y_columns for c, rests in zip(system.unknown, still, strict=True))

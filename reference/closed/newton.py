@@ -187,9 +187,9 @@ State = tuple[Array, Array, Array]
 Rates = tuple[Array, Array]
 """First and second derivatives of the independent coordinates. Shape (n, k) each."""
 Drive = Callable[[Array], State]
-"""Times (n,) -> the motion there."""
+"""Times (n,) -> the motion at these times."""
 Motion = Callable[[Array], Any]
-"""Times (n,) -> an object with y, yd and ydd there [rad or m]."""
+"""Times (n,) -> an object with y, yd and ydd at these times [rad or m]."""
 
 #: Derivatives are consistent with a motion if they predict each step with a relative error below this value.
 CONSISTENT = 0.1

@@ -1,4 +1,4 @@
-"""Closed poses for samples in any order: a region around home, covered by anchors that spread from home.
+"""Closed poses for samples in any order: a region around the home pose, covered by anchors that spread from there.
 
 Samples that are not reached or lie under two sheets are flagged. Poses do not depend on earlier calls, but the set of
 samples that are not reached may. `continuation` follows motions, whose samples are in order.
@@ -29,9 +29,9 @@ class Region(Continuation):
             y: Independent coordinates [rad or m]. Shape (n, k).
 
         Returns:
-            Predictions; flags of samples that cannot be reached without passing near a singular pose or with `LARGEST`
-            additional anchors; and flags of samples that also lie under a different sheet of the same piece, so that y
-            alone does not determine the pose. Shape (n,) each.
+            Predictions; flags of samples that cannot be reached with at most `LARGEST` additional anchors, or without
+            passing near a singular pose; and flags of samples that also lie under a different sheet of the same piece,
+            so that y alone does not determine the pose. Shape (n,) each.
         """
         y = y / self.size
         self._look_for_turns(y)

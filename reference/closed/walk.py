@@ -97,7 +97,7 @@ class Walk:
         return more[0] if self.resting else J
 
     def restart(self, *, begun: bool = False) -> None:
-        """Start the next motion at home; with `begun`, the path to the start of the motion counts as part of it."""
+        """Start the next motion at home; with `begun`, the path to its start counts as part of the motion."""
         self.at, self.visits, self.path, self.last = 0, [0], self.anchors.table["z"][:1], list[Array]()
         self.begun = begun
 
@@ -122,7 +122,7 @@ class Walk:
         raise Blocked(singular=True)
 
     def _find_known(self, goal: Array, target: Array, length: float) -> int | None:
-        """Find an anchor of this sheet nearer to the target than `length`, whose ball has the goal well inside."""
+        """Find an anchor of this sheet, nearer to the target than `length`, with the goal well inside its ball."""
         anchors = self.anchors
         kin = anchors.sheet_of(int(anchors.table["sheet"][self.at]))
         kin = kin[(anchors.distance(goal, kin) <= 0.5) & (kin != self.at)]

@@ -45,7 +45,7 @@ class Loops:
     """The loops of a layout, independent of the pose.
 
     Attributes:
-        fixed: Columns of coordinates that never move on the assembly mode of home.
+        fixed: Columns of coordinates that never move on the home assembly mode.
         columns: Columns of the tree in the order of the unknowns; fixed columns come last.
         moving: Number of moving columns.
         names: Label and unit of each row of the cut joints, i.e. of their constraint wrenches.
@@ -95,12 +95,12 @@ class Closed:
         ]
 
     def rates_around(self, j: int, W: Array) -> tuple[list[int], Array]:
-        """Return columns of the loop of cut joint j, and power of its wrenches per rate of each, shape (..., m, c)."""
+        """Return columns of cut joint j's loop, and the power of its wrenches per rate of each column, (..., m, c)."""
         columns, signs = self.loops.around[j]
         return [self.loops.place[c] for c in columns], powers(W, self.pose.S[..., columns, :]) * signs
 
     def reading(self, column: int) -> tuple[list[int], Array]:
-        """Return columns of tree coordinates, and rate of a coordinate per rate of each, shape (..., 1, c)."""
+        """Return columns of tree coordinates, and a coordinate's rate per rate of each column, shape (..., 1, c)."""
         if column in self.loops.place:
             return [self.loops.place[column]], np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         j, i = self.loops.owner[column]
@@ -108,7 +108,7 @@ class Closed:
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """Matrix M: eq. (15) of each loop by reciprocal products, eq. (8), slopes of couplings, selection of y."""
+        """Matrix M: eq. (15) of each loop with reciprocal products, eq. (8), slopes of couplings, selection of y."""
         loops, one = self.loops, np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         blocks: list[Block] = [
             (slice(loops.ends[j], loops.ends[j + 1]), *self.rates_around(j, cut.W)) for j, cut in enumerate(self.cuts)
@@ -245,7 +245,7 @@ class Motion(Closed):
         return outward(self.pose, self.w, 0.0 * self.w)
 
     def accelerations(self, ydd: Array) -> Array:
-        """Return second derivatives of tree coordinates, given independent ones, eq. (48). Shape (..., n_q)."""
+        """Return tree second derivatives, given those of the independent coordinates, eq. (48). Shape (..., n_q)."""
         above, given, w = list[Array](), ydd + 0.0, self.w
         for cut in self.cuts:
             above.append(-cut.bias(self.V, self.bias))
@@ -313,7 +313,7 @@ class Motion(Closed):
         return self.accelerations_of_joints(self.beta, self.moved)
 
     def accelerations_of_joints(self, beta: Array, moved: BodyAccelerations) -> Array:
-        """Return second derivatives of all coordinates, given the tree's and body accelerations. Shape (..., n_q)."""
+        """Return all second derivatives, given those of the tree, and body accelerations. Shape (..., n_q)."""
         return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, moved))
 
     @cached_property

@@ -122,7 +122,7 @@ class CutJoint:
             along: Forces along the joint's coordinates. Shape (..., f).
 
         Returns:
-            Body, frame of the joint on it, force and moment; shape (..., 3) each.
+            Body, frame of the joint on that body, force and moment; shape (..., 3) each.
         """
         kind, joint = self.at.type, self.at.joint
         directions = kind.forces(self.at)

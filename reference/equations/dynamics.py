@@ -41,11 +41,11 @@ class Dynamics(Motion):
     Attributes:
         applied: Gravity, loads, springs, dampers and motors.
         t: Time [s] at which motors and loads are evaluated. Shape (...).
-        given_forces: Further forces along all joint coordinates, if any. Shape (..., n_q).
+        given_forces: Additional forces along all joint coordinates, if any. Shape (..., n_q).
         points: Named points whose velocities are requested.
         axial: True if redundant actuators follow the rule of eq. (56), False for the minimum-norm rule.
         idle: Indices of independent coordinates that no actuator drives; their accelerations follow from the forces.
-        resting: Indices of independent coordinates without actuator and without inertia; their motion is given.
+        resting: Indices of independent coordinates that have neither an actuator nor inertia; their motion is given.
     """
 
     t: Any = 0.0
@@ -163,8 +163,8 @@ class Dynamics(Motion):
     def per_actuator(self) -> Array:
         """Rates of the driven coordinates per rate of each actuator, ``B^-1``. Shape (..., n_driven, n_act).
 
-        For redundant actuators, it is ``B^+``, whose transpose gives minimum-norm forces; undriven coordinates are at
-        rest.
+        For redundant actuators, the matrix is ``B^+``, whose transpose gives minimum-norm forces; undriven coordinates
+        are at rest.
         """
         B, BT = self._B, transpose(self._B)
         actuators, driven = B.shape[-2:]

@@ -36,7 +36,7 @@ class Forward(Dynamics):
 
     @cached_property
     def partial_motion(self) -> tuple[Array, Array]:
-        """Velocities of centres of mass and body-axes angular velocities per rate of each y. (..., k, b - 1, 3)."""
+        """Velocities of centres of mass, and angular velocities in body axes, per rate of y. (..., k, b - 1, 3)."""
         each = [V[..., 1:, :] for V in self.partial]
         turn = transpose(self.pose.R[..., 1:, :, :])
         return (
@@ -86,7 +86,7 @@ class Forward(Dynamics):
 
     @cached_property
     def steering(self) -> System:
-        """Dimensionless actuator rates per rate of the driven coordinates, or the Gram matrix of these."""
+        """Dimensionless actuator rates per rate of the driven coordinates, or their Gram matrix."""
         B = self.rates_of_actuators[..., self.driven]
         return self.ops.square(transpose(B) @ B if self._oversteered else B)
 
@@ -102,7 +102,7 @@ class Forward(Dynamics):
 
     @cached_property
     def followed(self) -> Array:
-        """Second derivatives: the given ones and, for idle coordinates, x from ``N^T (Q + M x) = 0``. Shape (..., k).
+        """Second derivatives: given values and, for idle coordinates, x from ``N^T (Q + M x) = 0``. Shape (..., k).
 
         Q are the forces along y at x = 0, and M the columns of the inertia matrix for idle coordinates; actuators
         cannot exert forces along N.
@@ -287,7 +287,7 @@ def preload_space(B: Array) -> Array:
 class NewtonEuler:
     """System of eq. (57) at n samples, with additional rows that determine redundant actuators.
 
-    Moments are divided by the mechanism's length, as equations and as unknowns; therefore, its size does not matter.
+    Moments are divided by the mechanism's length, as equations and as unknowns; therefore, that length does not matter.
 
     Attributes:
         c: System matrix, see `force_matrix`.

@@ -239,10 +239,10 @@ def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tu
 
 @lru_cache(maxsize=4096)
 def triad(joint: Joint) -> tuple[Array, float]:
-    """Return right-handed orthonormal axes, of which the first are a joint's first two axes, or its only axis.
+    """Return right-handed orthonormal axes that begin with a joint's first two axes, or its only axis.
 
     Returns:
-        The three axes, shape (3, 3), and -1 if the joint's third axis is opposite to the third of these, else 1.
+        The three axes, shape (3, 3), and -1 if the joint's third axis is opposite to the third of these axes, else 1.
     """
     first, axes = joint.axes[0], joint.axes
     second = axes[1] if len(axes) > 1 else np.linalg.svd(axes)[2][1]
@@ -309,8 +309,8 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
     """Read the coordinates of a cut joint as floats; unlike `cut_coordinates`, it also works in gimbal lock.
 
     Args:
-        near: Angles to which the nearest equivalent angles, from either triple, are chosen; without `near`, angles are
-            within half a turn. Shape (n, f).
+        near: Angles to which the returned angles are closest among all equivalent angles of either triple; without
+            `near`, angles are within half a turn. Shape (n, f).
 
     Returns:
         Shape (n, f).

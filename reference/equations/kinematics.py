@@ -58,7 +58,7 @@ class Crossing(NamedTuple):
 
     @property
     def arm(self) -> Array | None:
-        """Vector from the origin of this frame to the origin of the next; None if they coincide. Shape (..., 3)."""
+        """Vector from this frame's origin to the next frame's origin; None if they coincide. Shape (..., 3)."""
         return self.p if self.travel is None or self.axis is None else scale(self.travel, self.axis)
 
 

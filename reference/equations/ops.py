@@ -49,10 +49,10 @@ class System(Protocol):
         """Return rows that span all x with ``A^T x = 0``. Shape (..., m - n, m)."""
 
     def response(self, unit: Array, *, whole: bool = False) -> Array:
-        """Sum the squared effects that errors `unit`, shape (m,), in the rows have on each unknown. Shape (..., n).
+        """Return each unknown's sum of squared responses to an error of `unit[i]` in each row i. (m,) -> (..., n).
 
         Only moving unknowns count unless `whole` is True. The result is exact for floats; for other types, it is
-        estimated from pivots and accurate within a factor of two once the effect of the given coordinates is added.
+        estimated from pivots and accurate within a factor of two once the response to the given coordinates is added.
         """
 
 

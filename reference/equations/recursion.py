@@ -33,7 +33,7 @@ class Turning:
 
     @cached_property
     def E(self) -> Array:
-        """``[b x] + [w x]^2``, eq. (49): ``E r`` is the relative acceleration of points r apart. Shape (..., 3, 3)."""
+        """``[b x] + [w x]^2``, eq. (49): ``E r`` is the relative acceleration of two points. Shape (..., 3, 3)."""
         E = np.empty((*self.b.shape, 3), dtype=self.b.dtype)
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             (x, y, z), b = (self.w[..., n] for n in (i, j, k)), self.b[..., k]

@@ -36,7 +36,7 @@ def loop_lengths(lay: Layout) -> Array:
 
 
 def stretch(lay: Layout) -> float:
-    """Return the length of the mechanism divided by that of its shortest loop; 1 without loops."""
+    """Return the length of the mechanism divided by the length of its shortest loop; 1 without loops."""
     L = length(lay)
     return L / float(loop_lengths(lay).min(initial=np.inf if lay.cuts else L))
 

@@ -68,7 +68,7 @@ def _concatenate(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
 
 
 def rotation(axis: Array, sine: Any, cosine: Any) -> Array:
-    """Evaluate Rodrigues' formula ``e e^T + cos (1 - e e^T) + sin [e x]``; eqs. (19)-(21) are cases. (..., 3, 3)."""
+    """Evaluate Rodrigues' formula ``e e^T + cos (1 - e e^T) + sin [e x]``; cf. eqs. (19)-(21). Shape (..., 3, 3)."""
     E, F, K = _generators(axis.tobytes(), axis.dtype.str)
     return np.asarray(E + np.asarray(cosine)[..., None, None] * F + np.asarray(sine)[..., None, None] * K)
 
