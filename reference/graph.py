@@ -17,7 +17,7 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """A joint that is walked from the body `near`."""
+    """A joint that is traversed from the body `near`."""
 
     joint: Joint
     near: str
@@ -96,11 +96,12 @@ def layout(mechanism: Mechanism) -> Layout:
 
 
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
-    """Build a tree that preferably cuts S joints, or else R joints without actuator, since points can close these.
+    """Build a tree that preferably cuts S joints, or else R joints without actuator: points can close them.
 
     Kruskal's algorithm adds joints in this order: F joints, which do not close loops; joints with coupled coordinates,
-    which must be unknowns; joints in `keep`; joints with an actuator or a rotor; kinds that points cannot close; joints
-    with few degrees of freedom. Ties are resolved by name, so that the order of the description does not matter.
+    which must be unknowns; joints in `keep`; joints with an actuator or a rotor; kinds that point constraints cannot
+    close; joints with few degrees of freedom. Ties are resolved by name, so that the order of the description does not
+    matter.
 
     Args:
         keep: Names of joints that are cut only where they close a loop among themselves.
@@ -153,14 +154,14 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
         at = joint.where or f"{where}, joints.{joint.name}"
         if joint.name in coupled:
             what = "every joint of the loop that it closes is fixed or has a coupled coordinate"
-            raise DescriptionError(what, at, "remove one of them")
+            raise DescriptionError(what, at, "remove one of these joints")
         if not joint.constrains:
-            raise DescriptionError("a loop consists of F joints only", at, "remove one of them")
+            raise DescriptionError("a loop consists of F joints only", at, "remove one of these joints")
     reached = {GROUND, *(edge.far for edge in tree.edges)}
     for body in mechanism.bodies:
         if body.name not in reached:
             what = f"body '{body.name}' is not connected to {GROUND}"
-            raise DescriptionError(what, where, "add the missing joint or remove it")
+            raise DescriptionError(what, where, "add the missing joint, or remove the body")
 
 
 def output_body(mechanism: Mechanism) -> str:

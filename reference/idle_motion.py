@@ -32,12 +32,12 @@ from screwgauge.reference.rotations import Array
 State = tuple[Array, Array, Array]
 """Coordinates and two derivatives. Shape (n, k) each."""
 
-#: Number of points of a piece, and of a piece between samples; largest number of the latter pieces in a stretch.
+#: Number of points of a piece, and of a piece between samples; largest number of pieces between samples in a stretch.
 POINTS, BETWEEN, MANY = 16, 12, 8
 #: Largest magnitude of the last terms of a piece, relative to the largest acceleration.
 TOLERANCE = 1e-13
-#: Newton's method: largest number of steps; change that counts as rounding in any case, and change that does so if the
-#: next change is not smaller; factor by which each change must decrease.
+#: Newton's method: largest number of steps; change that always counts as rounding, and change that counts as rounding
+#: if the next change is not smaller; factor by which each change must decrease.
 STEPS, SETTLED, FOUND, SLOW = 25, 1e-14, 1e-7, 0.7
 #: Stretches: initial length [s], largest growth factor, and fraction of the total time below which they are too short.
 FIRST, LONGER, SHORTEST = 0.25, 2.0, 1e-9
@@ -58,8 +58,9 @@ DIFFERENCE = 2.0**-26
 
 
 Rule = tuple[Array, Array, Array, Array]
-"""Collocation points of a piece of duration 1, shape (s,); then, shape (s, s) each, the matrix from accelerations there
-to Legendre coefficients, and those to first and second integrals."""
+"""Collocation points of a piece of duration 1, shape (s,); then, shape (s, s) each, the matrices from
+accelerations at these points to Legendre coefficients, to first integrals and to second integrals.
+"""
 
 
 @cache

@@ -58,7 +58,7 @@ def settle_tensors(
     if completed:
         sentences.append(
             f"one moment of inertia is enough for {first_few(completed, SHOWN)}, which turn about one direction only, "
-            "as in a planar machine: moments about other axes have no effect and are raised to the least possible ones"
+            "as in a planar machine: moments about other axes have no effect and are set to the smallest possible value"
         )
     sentences += (f"allow names {name}.{TRIANGLE}, which has no effect" for name in sorted(excused - {*excesses}))
     return tuple(found), tuple(sentences)
@@ -96,8 +96,8 @@ def _describe_allowed(body: Body, excess: float) -> str:
     largest = float(np.linalg.eigvalsh(body.inertia)[-1])
     return (
         f"allowed: the largest principal moment of {body.name}, {largest:.4g} kg m^2, exceeds the sum of the others by "
-        f"{excess:.3g} ({excess / largest:.2g} of it), which no rigid body has: one of the three is wrong by "
-        f"{excess / 3.0:.2g} kg m^2 at least, torques by that times the angular acceleration"
+        f"{excess:.3g} ({excess / largest:.2g} of it), which is impossible for a rigid body: at least one of "
+        f"the three is wrong by {excess / 3.0:.2g} kg m^2 or more, and torques by that times the angular acceleration"
     )
 
 
@@ -122,6 +122,6 @@ def _refusal(
         )
     else:
         remedy = (
-            "check the tensor: no body of positive mass has such moments, and this one turns about more than one axis"
+            "check the tensor: no body of positive mass has such moments, and this body turns about more than one axis"
         )
     return DescriptionError(what, body.where, f"{remedy}, or accept the tensor: allow = [{names}]")

@@ -202,7 +202,7 @@ def _drag(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]
 
 
 _Reader = Callable[[dict[str, Any], str, Mapping[str, Collection[str]]], LeftOut]
-#: Keys that identify the kind of an entry -> further keys and reader of the entry.
+#: Keys that identify the kind of an entry -> remaining keys and reader of the entry.
 _READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
     frozenset({"along"}): ({*_LAWS, "stiffness", "rest"}, _resistance),
     frozenset({"path"}): ({*_LAWS, "stiffness", "rest"}, _resistance),

@@ -134,7 +134,7 @@ def too_dense(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def _shortened(sentences: dict[str, str], what: str) -> tuple[str, ...]:
-    """Return sentences on bodies by name; of many, the first and a sentence that names the others."""
+    """Return sentences on bodies by name; of many, the first sentence and one with the other names."""
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
     first, *rest = sentences
@@ -152,7 +152,7 @@ def _too_dense(body: Solid) -> str:
         return ""
     denser = share**-1.5
     heavy = body.mass > HEAVY and share * 1e5 > LEAST  # the ratio scales with mass^(-5/3)
-    likely = "likely g: multiply the mass by 0.001" if heavy else "a placeholder: replace it by the tensor of the body"
+    likely = "likely g: multiply the mass by 0.001" if heavy else "a placeholder: use the tensor of the body"
     return (
         f"{body.name}: {body.mass:.4g} kg with a radius of gyration of {1e3 * radius:.3g} mm are {denser:.2g} times as "
         f"dense as osmium, for a body about {body.size:.2g} m in size ({likely})"
@@ -246,7 +246,7 @@ def too_far(name: str, home: float, limits: Iterable[float]) -> Iterator[str]:
 
 
 def in_degrees(what: str, angle: float) -> str:
-    """Format an angle [rad], and the value that it has if degrees were meant."""
+    """Format an angle [rad], and its value if degrees were meant."""
     turns, less = abs(angle) / (2.0 * np.pi), np.radians(angle)
     return f"{what} of {angle:.4g} rad is {turns:.3g} turns; likely degrees, {less:.3g} rad"
 
@@ -299,7 +299,7 @@ def _distance(p: Array, a: Array, b: Array) -> float:
 
 
 def _warn_of_axes(a: _End, b: _End, unit: float, *, few: bool) -> str:
-    """Return a warning about the axes of two joints of a body, which are its only ones if `few`, or an empty string."""
+    """Return a warning about the axes of two joints of a body (its only joints if `few`), or an empty string."""
     normal, way, names = cross(a.axis, b.axis), b.frame.p - a.frame.p, f"{a.joint.name} and {b.joint.name}"
     sine, cosine = float(np.linalg.norm(normal)), abs(float(a.axis @ b.axis))
     for off, what in ((sine, "parallel"), (cosine, "at right angles")):

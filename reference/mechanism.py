@@ -40,7 +40,7 @@ KINDS: dict[str, tuple[bool, ...]] = {
     "F": (False, False, False, True, True, True),
     "fixed": (True,),
 }
-#: Kind of joint whose loop coincident points of the two bodies can close -> number of points.
+#: Kind of joint that can close a loop as coincident points of the two bodies -> number of points.
 POINTS = {"R": 2, "S": 1}
 
 
@@ -98,7 +98,7 @@ class Body:
 
 
 def triangle_excess(inertia: Array) -> float:
-    """Return by how much the largest principal moment exceeds the sum of the others [kg m^2], or zero.
+    """Return the excess of the largest principal moment over the sum of the other two [kg m^2], or zero.
 
     Args:
         inertia: Shape (3, 3).
@@ -150,7 +150,8 @@ class Joint:
     def freedoms(self) -> tuple[tuple[bool, Array], ...]:
         """Pairs (turns, axis in the joint frame) of all degrees of freedom.
 
-        A single slide is along the first axis, two are orthogonal to it (see `across`), three are along the frame axes.
+        A single slide is along the first axis; two slides are orthogonal to it (see `across`); three are along frame
+        axes.
         """
         return _freedoms(self)
 
@@ -181,7 +182,7 @@ class Joint:
 
     @property
     def sides(self) -> tuple[tuple[str, Frame], tuple[str, Frame]]:
-        """Parent and child, each with the frame of the joint on it."""
+        """Parent and child, each with the joint's frame on that body."""
         return (self.parent, self.parent_frame), (self.child, self.child_frame)
 
     @property
@@ -197,7 +198,7 @@ class Joint:
             raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
         if self.held and (self.constrains or not {*self.held} <= {*self.coordinates}):
             what = f"{', '.join(self.held)} cannot be held"
-            raise DescriptionError(what, where, "choose coordinates of an F joint, by the names in the joint")
+            raise DescriptionError(what, where, "choose coordinates of an F joint by their names in the joint")
         if len(self.axes) > 1:
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
@@ -244,7 +245,7 @@ class Mechanism:
         axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` requires the
             joint's force (eq. 56); None without such a rule.
         group: Heading under which lists show the mechanism.
-        couplings: Couplings of joint coordinates; a coordinate depends on others at most once, and without cycles.
+        couplings: Couplings of joint coordinates; each coordinate has at most one coupling, and there are no cycles.
         left_out: Forces in the original model file that engines do not include; a run measures their effect.
         remarks: Messages about changes made while reading.
     """

@@ -104,7 +104,8 @@ def check_independent(lay: Layout, q: Array) -> None:
         q: Joint coordinates. Shape (1, n_q).
 
     Raises:
-        DescriptionError: The number of coordinates is not the number of degrees of freedom, or they are dependent.
+        DescriptionError: The number of coordinates is not the number of degrees of freedom, or the coordinates are
+            dependent.
     """
     mechanism, A = lay.mechanism, loop_equations(lay).matrix(q)[0]
     k = len(mechanism.independent)

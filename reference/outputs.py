@@ -164,7 +164,7 @@ def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) 
         inputs: Files that the command reads; iterated only if an output exists.
 
     Raises:
-        OutputError: Two of these are the same file.
+        OutputError: Two of these paths are the same file.
     """
     writers = dict[tuple[int, int] | str, str]()
     for name, path in outputs.items():

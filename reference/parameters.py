@@ -138,7 +138,7 @@ def _matching(known: Mapping[str, float], pattern: str, where: str) -> list[str]
     names = [name for name in known if wanted in (name, _short(name))]
     if len(names) > 1:
         what = f"'{pattern}' is ambiguous: {first_few(names, NAMED)}"
-        raise DescriptionError(what, where, "write the whole name")
+        raise DescriptionError(what, where, "write the full name")
     names = names or [name for name in known if any(fnmatchcase(one, wanted) for one in (name, _short(name)))]
     if not names:
         raise UnknownNameError("number", pattern, [*known, *map(_short, known)], where)
@@ -176,7 +176,7 @@ def mechanism_with(mechanism: Mechanism, values: Numbers, *, symbolic: bool = Fa
         symbolic: Whether values are nodes of a trace or arrays, which no check can read. Shape (...).
 
     Raises:
-        DescriptionError: A body or joint cannot have them.
+        DescriptionError: A body or joint cannot have the new numbers.
     """
     make, get = unchecked if symbolic else replace, partial(_value, values, symbolic)
     bodies = tuple(_body(body, get, make) for body in mechanism.bodies)
@@ -272,7 +272,7 @@ def applied_with(applied: Applied, values: Numbers, *, symbolic: bool = False) -
     """Replace numbers of applied forces, see `mechanism_with`.
 
     Raises:
-        DescriptionError: A spring cannot have them.
+        DescriptionError: A spring cannot have the new numbers.
     """
     make, get = unchecked if symbolic else replace, partial(_value, values, symbolic)
     loads = tuple(

@@ -12,7 +12,7 @@ from screwgauge.reference.rotations import Array, cross, rotation
 
 #: Sine of the angle up to which axes count as parallel: their components have twelve digits.
 PARALLEL = 1e-11
-#: Function that maps a direction in one body to its neighbour; None if the joint between them may rotate it.
+#: Function that maps a direction from a body to its neighbour; None if the joint between them may rotate the direction.
 Step = Callable[[Array], Array | None]
 
 
@@ -22,7 +22,7 @@ def normals_of_planes(
     """Find the directions about which each body can rotate; all axes for a body that never rotates.
 
     A body can only rotate about a ground direction if a chain of joints that only rotate about this direction connects
-    it to the ground; all further joints can only restrain it more. Coordinates that a coupling locks do not rotate.
+    it to the ground; all other joints can only restrain the body more. Coordinates that a coupling locks do not rotate.
 
     Args:
         parallel: Sine of the angle up to which axes count as parallel.

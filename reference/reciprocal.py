@@ -35,7 +35,7 @@ def reciprocal_screws(S: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leg:
-    """A leg: joints that connect a body to the ground and are disjoint from all other paths between these two.
+    """A leg: joints that connect a body to the ground and are disjoint from all other paths from body to ground.
 
     Attributes:
         kinds: Kinds of the joints from the ground on, such as ``UPS``, and whether they are coupled; empty if the leg
@@ -80,7 +80,7 @@ class Held:
 
 
 def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
-    """Return the body with the most legs (among several, the one farthest from the ground), and its legs."""
+    """Return the body with the most legs (if several, the body farthest from the ground), and its legs."""
     away, rim = {GROUND: 0}, [GROUND]
     for body in rim:
         for joint in mechanism.joints:

@@ -39,7 +39,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def across(axis: Array) -> tuple[Sequence[str], Array]:
-    """Return labels and directions orthogonal to a unit axis; they are frame axes if the axis is one.
+    """Return labels and directions orthogonal to a unit axis; they are frame axes if the axis is a frame axis.
 
     Returns:
         Labels such as ``xy``, or ``12``; and two orthogonal unit vectors, shape (2, 3).
@@ -195,7 +195,7 @@ def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rat
     """Follow angles from sample to sample: choose the equivalent angles nearest to the prediction.
 
     Args:
-        begin: Initial angles, to which the first sample is chosen nearest. Shape (m,).
+        begin: Initial angles, near which the first sample is chosen. Shape (m,).
         angles: Angles of a joint at each sample [rad]. Shape (n, m).
         sure: True for well-determined angles; a sample in gimbal lock does not predict later samples. Shape (n,).
         t, rates: Times [s], shape (n,), and rates [rad/s], shape (n, m), used to predict each sample from the preceding
@@ -226,5 +226,5 @@ def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rat
 
 
 def across_direction(R: Array, direction: Array) -> Array:
-    """Return world directions orthogonal to a body-fixed one, eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
+    """Return two world directions orthogonal to a body direction, eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
     return np.asarray(np.linalg.svd(direction[None])[2][1:] @ R.swapaxes(-1, -2))

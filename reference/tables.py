@@ -40,7 +40,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise DescriptionError(f"TOML syntax error: {error}", str(path), "correct that line") from None
     except (ValueError, RecursionError):  # integers with thousands of digits, deeply nested lists
         raise DescriptionError(
-            "contains an integer too long or lists too deep for TOML readers", str(path), "simplify it"
+            "contains an integer too long, or lists nested too deeply, for TOML readers", str(path), "simplify it"
         ) from None
     check_plain(data, str(path))
     return data
@@ -180,7 +180,7 @@ def read_coefficients(value: Any, where: str) -> Array:
     """Read the coefficients of a polynomial, at least one, lowest first. Shape (m,)."""
     if not isinstance(value, list) or not value:
         what = f"{shown(value)} is not a list of coefficients"
-        raise DescriptionError(what, where, "write them lowest first: [c0, c1]")
+        raise DescriptionError(what, where, "write the coefficients, lowest first: [c0, c1]")
     check_count(len(value), "coefficients", where)
     return vector(value, where, len(value))
 

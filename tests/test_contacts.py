@@ -170,7 +170,7 @@ def test_straight_legs_are_named(stand):
         (contact("foot1", "weld", "name = 'base.x'"), "'base.x' is already"),
         (contact("foot1", "weld", "name = 'no name'"), "is not a name"),
         (contact("foot1") + contact("foot1"), "two contacts have the name"),
-        (contact("foot1") + contact("foot1", "weld", "name = 'b'"), "remove one of them"),
+        (contact("foot1") + contact("foot1", "weld", "name = 'b'"), "remove one of these joints"),
         (contact("foot1") + contact("torso"), "no degree of freedom"),
         ("contacts = 3\n", "not a list"),
         (contact("foot1") + "[models]\nmujoco = 'own.xml'\n", "are not in own.xml"),

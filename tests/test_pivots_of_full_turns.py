@@ -45,7 +45,7 @@ def test_pivots_are_chosen_for_most_of_the_samples_if_others_may_be_left():
     trace.kept = np.ones(3, dtype=bool)
     assert Factors(some(trace), [1.0, 1.0], [1.0], [[0]]).pivots == [(0, 0)]
     assert trace.kept.tolist() == [False, True, True]
-    with pytest.raises(NotTraceableError, match="no pivot keeps its size"):
+    with pytest.raises(NotTraceableError, match="no pivot stays large"):
         Factors(some(Trace()), [1.0, 1.0], [1.0], [[0]])
 
 

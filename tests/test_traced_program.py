@@ -69,7 +69,7 @@ def test_pivots_keep_their_size_at_every_sample(trace):
 
 def test_a_system_without_such_pivots_is_refused(trace):
     zero_here, zero_there = trace.input(np.array([0.0, 1.0])), trace.input(np.array([1.0, 0.0]))
-    with pytest.raises(NotTraceableError, match="no pivot keeps its size"):
+    with pytest.raises(NotTraceableError, match="no pivot stays large"):
         Factors({(0, 0): zero_here, (1, 0): zero_there}, [1.0, 1.0], [1.0], [[0]])
 
 

@@ -28,7 +28,7 @@ from screwgauge.scene.scene import Scene
 
 SAMPLES = 5
 AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate with the largest motion
-FASTEST = 10.0  # largest motion of any coordinate per unit motion of the independent or actuated ones
+FASTEST = 10.0  # largest motion of any coordinate per unit motion of independent or actuated coordinates
 POSES = 41  # number of samples at which a motion is checked
 
 

@@ -31,7 +31,7 @@ from screwgauge.scene.grid import is_grid
 from screwgauge.scene.motion import moved_labels, read_drive
 from screwgauge.scene.scene import RULES
 
-#: Slip of a contact [lengths of the mechanism or rad]: closure residual, and the largest that encoders explain.
+#: Slip of a contact [lengths of the mechanism or rad]: closure residual, and the largest slip that encoders explain.
 CLOSED, FARTHEST = 1e-9, 1e-2
 #: Number of names listed in a sentence.
 SHOWN = 6

@@ -28,7 +28,7 @@ from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 
 #: Inertia below this share of the whole machine's inertia is rounding.
 NO_INERTIA = 1e-13
-#: Distance from home at which inertia is evaluated at further poses [rad or lengths of the mechanism].
+#: Distance from home at which inertia is evaluated at additional poses [rad or lengths of the mechanism].
 ASIDE = 0.05
 #: Admitted interpolation error between samples, relative to the travel of a coordinate.
 COARSE = 1e-3

@@ -21,7 +21,8 @@ from screwgauge.reference.rotations import TURN, Array
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-#: Largest allowed change of the Jacobian between an anchor and a sample in its ball, and the target fraction of that.
+#: Largest allowed change of the Jacobian between an anchor and a sample in its ball, and the target fraction of that
+#: change.
 CHANGE, MARGIN = 0.5, 0.8
 #: Longest paths from an anchor in y [rad or mechanism lengths] and in the unknowns: half a turn would be ambiguous.
 STEP, FARTHEST = 1.0, 2.0

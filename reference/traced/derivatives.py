@@ -83,7 +83,7 @@ def _nodes_below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[N
 
 
 def _slopes(node: Node) -> list[tuple[Scalar, Scalar]]:
-    """Return the operands of a node, and the derivative of the node with respect to each.
+    """Return the operands of a node, and the derivative of the node with respect to each operand.
 
     Raises:
         NotTraceableError: The operation of the node lacks a derivative.

@@ -138,7 +138,7 @@ class Symbols:
 
 
 def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
-    """Build the loops of a mechanism with different parameters, in the lengths and units of the nominal mechanism."""
+    """Copy the loops for a mechanism with different parameters; keep the nominal mechanism's length scale and units."""
     joints, lay = {joint.name: joint for joint in mechanism.joints}, loops.lay
     edges = tuple(Edge(joints[edge.joint.name], edge.near) for edge in lay.edges)
     other = Layout(mechanism, edges, tuple(joints[joint.name] for joint in lay.cuts))

@@ -1,4 +1,4 @@
-"""Straight-line programs: the ordered instructions that outputs of a trace need, run with NumPy.
+"""Straight-line programs: the instructions, in order, that compute outputs of a trace; NumPy runs them.
 
 Samples are evaluated in batches with reused buffers. `native` generates machine code of the same programs.
 """
@@ -143,7 +143,7 @@ class Block:
 
         Args:
             back: Function to call when the last array on the memory is released. All views refer to one base array,
-                because NumPy does not see the owner of the memory below it.
+                because NumPy does not see the owner of the underlying memory.
         """
         n, m = self.array.shape
         lent, wide = np.frombuffer(self._room), self.array.strides[1] // self.array.itemsize

@@ -2,8 +2,8 @@
 
 Folding only uses structure: zeros, ones, signs and constants. Expressions that merely agree in value are never merged,
 because they may agree on one assembly mode and differ on a second. Likewise, a pivot must be large at every sample that
-is used to choose the elimination order, including home. If no pivot is, several traces may be made, each for the
-samples at which its pivots are large, see `Trace.kept`. `program` makes programs from traces.
+is used to choose the elimination order, including home. If no pivot is large enough, several traces may be made, each
+for the samples at which its pivots are large, see `Trace.kept`. `program` makes programs from traces.
 """
 
 from __future__ import annotations
@@ -295,19 +295,19 @@ class Factors:
                     if np.count_nonzero(large) > best:
                         best, pivot, trace.kept = int(np.count_nonzero(large)), (row, column), large
         if pivot is None:
-            raise NotTraceableError("no pivot keeps its size over the motion", "closed loops", "use backend array")
+            raise NotTraceableError("no pivot stays large over the motion", "closed loops", "use backend array")
         self.shares = {}
         return pivot
 
     def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
-        """Return row -> smallest ratio of the entry to the largest in its column, for entries large at every sample."""
+        """Return row -> smallest ratio of an entry to the column's largest entry, for entries large at every sample."""
         shares, large = self._shares(rows, column)
         if self.trace is not None and self.trace.kept is not None:
             shares, large = shares[:, self.trace.kept], large[:, self.trace.kept]
         return {row: float(x.min()) for row, x, fits in zip(rows, shares, large, strict=True) if fits.all()}
 
     def _shares(self, rows: Sequence[int], column: int) -> tuple[Array, NDArray[np.bool_]]:
-        """Return ratios of entries to the largest in their column, and flags of large entries. Shape (len(rows), n)."""
+        """Return ratios of entries to the column's largest entry, and flags of large ratios. Shape (len(rows), n)."""
         values = [np.asarray(getattr(self.left[row, column], "value", self.left[row, column])) for row in rows]
         lead = np.ones(self.trace.count if self.trace else 1)
         scales = [self.size[column] / self.unit[row] for row in rows]

@@ -40,7 +40,7 @@ CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force
 #: Quantities that depend on the rates of the actuators.
 DRIVEN = {"actuator_force", "axis_moment", "reaction", "jacobian"}
 Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
-"""Further outputs from the quantities and checks of a trace."""
+"""Additional outputs from the quantities and checks of a trace."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class TracedQuantities:
         axial: True if redundant actuators follow the rule of eq. (56).
         shares: Share of each body that each coordinate of the open tree carries. Shape (b, n_q).
         tree: Coordinates of the open tree.
-        loaded: True if force and torque of each load are inputs, after all others.
+        loaded: True if force and torque of each load are inputs, after all other inputs.
         points: Named points.
         idle, resting: Indices of the coordinates that no actuator drives, see `Dynamics`.
     """
@@ -105,7 +105,7 @@ def traced(
 
     Args:
         samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), used to choose pivots.
-        further: Function that returns further outputs, which precede the checks; values under ``first`` are not
+        further: Function that returns additional outputs, which precede the checks; values under ``first`` are not
             outputs, but are computed before all others, in this order.
 
     Raises:
@@ -114,7 +114,7 @@ def traced(
     folds, uncovered, parts = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
     while len(uncovered[0]):
         if len(parts) == MOST_ARCS:
-            raise NotTraceableError("pivots keep their size on short arcs only", "closed loops", "use backend array")
+            raise NotTraceableError("pivots stay large only on short arcs", "closed loops", "use backend array")
         one, kept = _trace(loops, applied, wanted, uncovered, further, folds)
         y, yd, ydd, q = (x[~kept] for x in uncovered)
         uncovered = y, yd, ydd, q
@@ -130,7 +130,7 @@ def _trace(
     further: Further,
     folds: Sequence[float],
 ) -> tuple[Traced, NDArray[np.bool_]]:
-    """Trace inverse dynamics with one choice of pivots; also flag the samples where these are large. Shape (n,)."""
+    """Trace inverse dynamics with one choice of pivots; also flag samples at which the pivots are large. Shape (n,)."""
     trace = Trace()
     trace.kept = np.ones(len(samples[0]), dtype=bool)
     y, yd, ydd = (np.array([trace.input(x) for x in array.T], dtype=object) for array in samples[:3])

@@ -24,7 +24,7 @@ REFUSED = (
     "no coordinate with a motion can move",
     "cannot close",
     "breaks off",
-    "remove one of them",
+    "remove one of these joints",
 )
 
 

@@ -19,7 +19,7 @@ from screwgauge.solution import common_rows
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import missing, number, unit_text, words
 
-MAX_CURVES = 12  # largest number in a panel; more cannot be distinguished
+MAX_CURVES = 12  # largest number in a panel; more curves cannot be distinguished
 FLOOR = 1e-18  # value at which a zero difference is drawn if all are zero
 SIGNS = ("stroke", "circle", CROSS, PLUS, *SHAPES[1:])  # marks of engines; the first engine is drawn as lines
 HEIGHTS = {1: 180, 2: 110, 3: 130}  # number of panels in a line -> height of panels with curves [pixels]
