@@ -58,7 +58,7 @@ class Results(Shown, Comparison):
                 engines for a folder.
             quantities: Names; by default positions, actuator forces, reactions, observables, and quantities that are
                 computed only on request, such as ``resistance``. Headers end with ``not unique`` if redundant
-                constraints leave a component undetermined: its values are then one choice among many.
+                constraints leave a component undetermined; its values are then one choice among many.
             force: Replace existing files, whatever their origin.
 
         Returns:

@@ -80,11 +80,11 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
 
 
 def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
-    """Return a scene whose motion from home excites as much inertia as possible, at new times.
+    """Return a copy of the scene, at new times, with a motion from home that excites as much inertia as possible.
 
     Args:
         seed: Seed of the motion, which appears in name and title.
-        samples: Number of samples; `SAMPLES` cover the whole motion.
+        samples: Number of samples; `SAMPLES` samples cover the whole motion.
         largest: Amplitude to try first [rad or lengths of the mechanism].
 
     Raises:
