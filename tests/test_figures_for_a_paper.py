@@ -127,6 +127,6 @@ def test_a_file_of_one_s_own_stays(results, tmp_path):
     figure.save(tmp_path / "f.svg")
     figure.save(tmp_path / "f.svg", width="10cm")  # as it was written here
     (mine := tmp_path / "mine.svg").write_text("<svg/>", encoding="utf-8")
-    with pytest.raises(OutputError, match="is there"):
+    with pytest.raises(OutputError, match="already exists"):
         figure.save(mine)
     figure.save(mine, force=True)

@@ -69,7 +69,7 @@ def test_samples_that_an_engine_did_not_solve_have_no_row(results, tmp_path):
 
 def test_nothing_that_is_there_is_replaced_without_leave(results, tmp_path):
     (tmp_path / "pinocchio.csv").write_text("mine", encoding="utf-8")
-    with pytest.raises(OutputError, match=r"pinocchio\.csv: is there"):
+    with pytest.raises(OutputError, match=r"pinocchio\.csv: already exists"):
         results.to_csv(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["pinocchio.csv"]
     results.to_csv(tmp_path, force=True)

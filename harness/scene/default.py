@@ -95,7 +95,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     check_scene_type(scene, "exciting")
     check_seed(seed)
     if scene.simulated:
-        what = "an exciting motion can only replace a given motion, but this scene is simulated"
+        what = "an exciting motion can only replace a given motion, but the motion of this scene is integrated"
         raise DescriptionError(what, scene.name, "run the scene with its own motion")
     if scene.tables:
         raise DescriptionError(
