@@ -108,7 +108,7 @@ def unit_vector(value: Any, where: str) -> Array:
 
 
 def rotation_matrix(value: Any, where: str) -> Array:
-    """Read ``{axis, angle}``, ``{matrix}``, or a list of these, multiplied from left to right. Shape (3, 3)."""
+    """Read ``{axis, angle}``, ``{matrix}``, or a list of rotations, multiplied from left to right. Shape (3, 3)."""
     result = np.eye(3)
     for step in value if isinstance(value, list) else [value]:
         if isinstance(step, dict) and set(step) == {"matrix"}:

@@ -48,7 +48,7 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
 
     At a singular pose the independent coordinates do not determine the motion; the motion may still pass poses at which
     the actuators do not determine it. Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias,
-    names, loads, the direction of gravity, the order of all entries and the direction of every joint are random, too.
+    names, loads, the direction of gravity, the order of all entries and the direction of every joint are also random.
 
     Args:
         seed: Random seed; the same seed gives the same mechanism.

@@ -159,7 +159,7 @@ def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
 
     Args:
         fresh: Name -> SHA-256 of the new file.
-        others: Further files of the report; existing ones are listed with their present digest.
+        others: Further files of the report; existing files are listed with their present digest.
     """
     listed, entries = _read_list(out), dict[str, list[str]]()
     for name in sorted({*fresh, *others}):

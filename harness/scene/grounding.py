@@ -148,7 +148,7 @@ def _start(data: dict[str, Any], known: Collection[str], path: Path) -> dict[str
     """Read the start of a simulation: name of a coordinate -> value [rad or m].
 
     Raises:
-        ScrewgaugeError: A name is not among the known ones, or a value is not a number.
+        ScrewgaugeError: A name is unknown, or a value is not a number.
     """
     start = data["forward"].get("start", {}) if isinstance(data["forward"], dict) else {}
     check_keys(start, known, f"{path}, forward.start")
@@ -161,7 +161,7 @@ def _moved_labels(
     """Return the names of the coordinates for which the scene gives a motion, in its order.
 
     Raises:
-        ScrewgaugeError: The motion is missing, or a name is not among the known ones.
+        ScrewgaugeError: The motion is missing, or a name is unknown.
     """
     motion, where = required(data, "motion", str(path)), f"{path}, motion"
     if isinstance(motion, dict) and "csv" in motion:
@@ -220,7 +220,7 @@ def _follow(
     contacts: Sequence[Contact],
     where: str,
 ) -> list[str]:
-    """Report given coordinates that depend on others, and how far the given motion makes contacts slip.
+    """Report given coordinates that depend on other coordinates, and how far the given motion makes contacts slip.
 
     Raises:
         DescriptionError: A contact would slip farther than rounding or encoders explain.

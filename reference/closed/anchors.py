@@ -108,8 +108,8 @@ def measure(
         z, y: Unknowns and independent coordinates of the pose. Shapes (n_z,), (k,).
         residual: Residual at the pose, which is removed by a correction of z. Shape (m,).
         J, full: Jacobian with respect to the unknowns, whose last k rows select y; and Jacobian that additionally has
-            columns, which come last, for coordinates at rest: a pose where these may begin to move is singular,
-            whatever the other coordinates do. Shapes (m, n_z), (m, n).
+            columns, which come last, for coordinates at rest: a pose where such coordinates may begin to move is
+            singular, whatever the other coordinates do. Shapes (m, n_z), (m, n).
         slope: Derivative of the full Jacobian with respect to y. Shape (k, m, n).
         base: Anchor from which the pose was reached.
     """

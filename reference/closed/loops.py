@@ -171,7 +171,7 @@ _known: WeakKeyDictionary[Mechanism, tuple[int, ...]] = WeakKeyDictionary()
 
 
 def home_equations(lay: Layout) -> LoopEquations:
-    """Return the loop equations with all resting coordinates fixed; find these once per mechanism."""
+    """Return the loop equations with all resting coordinates fixed; find those coordinates once per mechanism."""
     if lay.mechanism not in _known:
         _known[lay.mechanism] = resting_columns(lay)
     return loop_equations(lay, _known[lay.mechanism])

@@ -50,8 +50,8 @@ def newton(
         begun: Result of `evaluate` at the starting values, if known.
 
     Returns:
-        Joint coordinates (n, n_q), the derivative of the closure residuals at these (n, m, n_q), the largest closure
-        residual of each sample (n,) [rad or m], and further results of `evaluate`.
+        Joint coordinates (n, n_q), the derivative of the closure residuals at these coordinates (n, m, n_q), the
+        largest closure residual of each sample (n,) [rad or m], and further results of `evaluate`.
     """
     q = q.copy()
     residual, matrix, *more = evaluate(q, y) if begun is None else (array.copy() for array in begun)

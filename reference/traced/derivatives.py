@@ -11,7 +11,8 @@ def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Sc
     """Compute the rates of change of values in forward mode.
 
     Args:
-        rates: Rate of each independently changing node, e.g. an input; other nodes depend on these or are constant.
+        rates: Rate of each independently changing node, e.g. an input; all other nodes depend on these nodes or are
+            constant.
 
     Raises:
         NotTraceableError: A value results from an operation without derivative.

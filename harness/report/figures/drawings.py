@@ -45,12 +45,12 @@ class Drawing:
         n = len(self.names) + self.others
         if not self.unique:
             return (
-                f"Not unique: redundant constraints leave these components open ({len(self.names)} of {n}). Any value "
-                "balances, so engines may differ here; they are not compared."
+                f"Not unique: redundant constraints leave these components undetermined ({len(self.names)} of "
+                f"{n}). Many values satisfy the equations, so engines may differ; the components are not compared."
             )
         if not self.others:
             return ""
-        return f"Not shown: {self.others} of {n} components, which have no unique value. Digits refer to the others."
+        return f"Not shown: {self.others} of {n} components, which have no unique value. Digits refer to the rest."
 
 
 def named_drawings(comparison: Comparison) -> dict[str, Drawing]:

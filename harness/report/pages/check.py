@@ -102,7 +102,7 @@ def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
 
 
 def _rows(check: Check) -> list[dict[str, Any]]:
-    """Return rows for tables, failed ones first, then sorted by closeness to the tolerance."""
+    """Return rows for tables, failed rows first, then sorted by closeness to the tolerance."""
 
     def order(row: GateRow) -> tuple[bool, float]:
         return row.ok, -beyond(row.worst.error, row.worst.tolerance) if row.worst else 0.0
