@@ -41,6 +41,7 @@ from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
 
+NEARLY = 1e2  # multiple of |J^-1| at home from which a motion is not followed any closer to a singular pose
 WORSE = 4.0  # largest acceptable ratio of a condition number to that of the home pose
 STEEPEST = 1.2  # largest second angle of an S joint [rad], well before its lock
 #: Amplitudes of the coordinate that moves most [rad or lengths of the mechanism]; the first suitable one is used.
@@ -66,6 +67,7 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
     system, balls = loop_equations(lay), [j for j in mechanism.joints if j.constrains and j.angles == 3]
     middle = [joint.coordinates[1] for joint in balls]
     mode.restart()
+    mode.avoid_singular(NEARLY)
     for first in range(0, len(motion), part):
         some = motion.part(slice(first, first + part))
         closed = mode.motion(some.y, some.t, (some.yd, some.ydd), some.drive)

@@ -80,6 +80,10 @@ class AssemblyMode:
         if "continuation" in vars(self):  # a motion is in progress
             self.continuation.restart()
 
+    def avoid_singular(self, multiple: float) -> None:
+        """End every path at the first pose at which |J^-1| exceeds a multiple of its value at home."""
+        self.continuation.floor = multiple * self.continuation.anchors[0].beta
+
     def in_closed_form(self, y: Array) -> Poses | None:
         """Compute poses of open trees, and of legs with a closed form on this mode; return None for all others."""
         q, system, rows = self._in_closed_form(y), self.system, np.arange(len(y))
