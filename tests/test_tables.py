@@ -183,7 +183,7 @@ def test_an_error_that_is_stated_is_admitted_of_the_table_alone(scene, right):
     assert any("0.0006 N m" in reason for reason in results.pairs["reason"])
     (row,) = screwgauge.check(path, tolerances={"joint_position": 1e-9}).rows
     assert row.ok
-    assert any(error.reason.endswith(", the error that mine states") for error in row.errors if error.b == "mine")
+    assert any(error.reason.endswith(", the error stated in mine") for error in row.errors if error.b == "mine")
 
 
 def test_arrays_are_a_table_too(scene, right):

@@ -93,9 +93,9 @@ def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path,
         (["a01-pendulum", "--out", "text.urdf/page.html"], "text.urdf/page.html: cannot be written"),
         (["a01-pendulum", "--out", "."], ".: is a folder; choose a file name"),
         (["a01-pendulum", "--png", "a.jpg"], "cannot write a.jpg; "),
-        (["a01-pendulum", "--out", "a.html", "--png", "b.png"], "--out and --png at once"),
+        (["a01-pendulum", "--out", "a.html", "--png", "b.png"], "--out and --png cannot be combined"),
         (["a01-pendulum", "--pdf", "a.svg"], "cannot write a.svg; "),
-        (["a01-pendulum", "--port", "70000"], "port 70000 cannot be served"),
+        (["a01-pendulum", "--port", "70000"], "cannot serve on port 70000"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, said, tmp_path, inside, command) -> None:
@@ -111,7 +111,7 @@ def test_a_port_that_is_taken_is_said(capsys) -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         assert main(["view", "a01-pendulum", "--port", str(taken.getsockname()[1])]) == 2
-    assert "(address already in use); leave --port out" in capsys.readouterr().err
+    assert "(address already in use); omit --port" in capsys.readouterr().err
 
 
 @pytest.mark.slow
