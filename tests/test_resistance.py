@@ -150,7 +150,7 @@ def test_a_motion_that_rests_says_where_friction_has_no_direction(write):
     assert results.ok
     assert results.values("resistance")[0, 0] == 0.0
     (said,) = (text for text in results.warnings if "rests" in text)
-    assert re.search("1 of 21 samples.* t = 0 s, of a .up to 0.3 N m", said)
+    assert re.search("1 of 21 samples.* t = 0 s, in a .up to 0.3 N m", said)
     torques = results.values("actuator_force")[:, 0].copy()
     torques[0] += 0.2  # what the friction may be there
     for changed, agrees in ((0, True), (3, False)):
