@@ -1,4 +1,4 @@
-"""The registry of engines, with one entry each. Other packages add `Engine`s in the entry point group
+"""The registry of engines, with an entry for each engine. Other packages add `Engine`s in the entry point group
 ``screwgauge.engines``."""
 
 from __future__ import annotations

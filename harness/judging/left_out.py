@@ -133,8 +133,7 @@ class MeasuredPart:
         return project_forces(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
 
     def added(self, kind: str, quantity: str, names: Sequence[str]) -> Array:
-        """Return the effect of a kind of force on a quantity's components; zero unless the components are forces. Shape
-        (n, m)."""
+        """Return a kind's effect on components of a quantity; zero unless the components are forces. Shape (n, m)."""
         mechanism, wrenches = self.answer.mechanism, self.needed[kind]
         match quantity:
             case "generalized_force":

@@ -18,7 +18,7 @@ from screwgauge.reference.resistance import LOSSES, REST, Resistance, resistance
 from screwgauge.reference.rotations import Array, cross, times
 
 BodyMotion = Callable[[int], tuple[Array, Array, Array]]
-"""Body (ground is 0) -> its R (..., 3, 3), p (..., 3) and velocity (..., 6), angular, then of its origin."""
+"""Body (ground is 0) -> its R (..., 3, 3), p (..., 3) and twist (..., 6): angular, then linear at its origin."""
 
 Coordinate = Callable[[str], tuple[Array | float, Array | float]]
 """Joint coordinate -> its value and rate. Shape (...)."""
@@ -110,7 +110,7 @@ def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[
     Args:
         t: Times [s]. Shape (n,).
         joints: Poses with their joint coordinates.
-        V: Twists of the bodies, angular, then of their origins. Shape (n, n_body + 1, 6).
+        V: Twist of each body: angular velocity, then velocity of its origin. Shape (n, n_body + 1, 6).
 
     Returns:
         Wrenches of loads and point springs on each body: force, then moment about the body's origin, shape

@@ -29,7 +29,8 @@ class Placement:
 
     Attributes:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        T: Twist of each body, angular, then of its origin, per rate of x. Shape (n, n_body + 1, 6, n_x).
+        T: Twist of each body (angular velocity, then velocity of its origin) per rate of x.
+            Shape (n, n_body + 1, 6, n_x).
         gaps: Residual of each constraint except couplings [m or rad]. Shape (n, m).
         G: Derivative of the gaps with respect to x. Shape (n, m, n_x).
     """
@@ -135,8 +136,9 @@ class ClosedMotion:
                 (n, k).
 
         Returns:
-            Second derivatives of x, shape (n, n_x), and accelerations of the bodies, angular, then of their origins,
-            (n, n_body + 1, 6); see `JointReading.accelerations` for the second derivatives of the joint coordinates.
+            Second derivatives of x, shape (n, n_x), and accelerations of the bodies, angular part, then linear part at
+            the origin, (n, n_body + 1, 6); see `JointReading.accelerations` for the second derivatives of the joint
+            coordinates.
         """
         s, tied = self.tracked, self.joints.accelerations(self.V, rest)
         coupled = bind_to(self.mechanism, s).bias(self.q[:, s], self.qd[:, s])

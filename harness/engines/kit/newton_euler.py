@@ -36,7 +36,8 @@ def required_wrenches(matter: Matter, R: Array, V: Array, A: Array, g: Array) ->
 
     Args:
         R: Orientations, ground first. Shape (n, n_body + 1, 3, 3).
-        V, A: Twists and accelerations, angular, then of the origins, without gravity. Shape (n, n_body + 1, 6).
+        V, A: Twist and acceleration of each body, without gravity: angular part, then linear part at its origin.
+            Shape (n, n_body + 1, 6).
         g: Gravity [m/s^2]. Shape (3,).
 
     Returns:

@@ -48,8 +48,8 @@ def absolute_poses(x: Array) -> tuple[Array, Array, Array]:
         x: Position and unit quaternion (w, x, y, z), the Euler parameters, of each body. Shape (n, n_body, 7).
 
     Returns:
-        R, p, and the twist of each body, angular, then of its origin, per rate of all coordinates. Shapes
-        (n, n_body + 1, 3, 3), (n, n_body + 1, 3), (n, n_body + 1, 6, 7 n_body).
+        R, p, and the twist of each body (angular velocity, then velocity of its origin) per rate of all coordinates.
+        Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3), (n, n_body + 1, 6, 7 n_body).
     """
     n, bodies, _ = x.shape
     R, p = np.tile(np.eye(3), (n, bodies + 1, 1, 1)), np.zeros((n, bodies + 1, 3))
@@ -95,7 +95,7 @@ class JointReading:
 
     @cached_property
     def matrix(self) -> Array:
-        """Rates of the coordinates per unit of body twist: angular, then of the origin. (n, n_q, n_body + 1, 6)."""
+        """Rates of the coordinates per unit body twist: angular part, then linear. (n, n_q, n_body + 1, 6)."""
         out = np.zeros((*self.q.shape, self.p.shape[1], 6))
         for columns, parent, child, _, duals in self._screws:
             for body, sign in ((child, 1.0), (parent, -1.0)):
@@ -122,7 +122,8 @@ class JointReading:
         """Return the second derivatives of the coordinates for given body twists and accelerations.
 
         Args:
-            V, A: Twists and accelerations, angular, then of the origin of each body. Shape (n, n_body + 1, 6).
+            V, A: Twist and acceleration of each body: angular part, then linear part at its origin.
+                Shape (n, n_body + 1, 6).
 
         Returns:
             Shape (n, n_q).
@@ -202,7 +203,8 @@ def com_accelerations(mechanism: Mechanism, R: Array, V: Array, A: Array) -> Arr
 
     Args:
         R: Orientations of the bodies, ground first. Shape (n, n_body + 1, 3, 3).
-        V, A: Twists and accelerations of the bodies, angular, then of their origins. Shape (n, n_body + 1, 6).
+        V, A: Twist and acceleration of each body: angular part, then linear part at its origin.
+            Shape (n, n_body + 1, 6).
 
     Returns:
         Shape (n, n_body, 3).

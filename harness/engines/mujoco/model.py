@@ -111,7 +111,7 @@ class MujocoDynamics(TreeDynamics):
 
 
 def _weld(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
-    """Build the model with a weld of the cut joint's frames for each closure."""
+    """Build the model; for each closure, weld the frames of the cut joint."""
     spec, kinds = editable(mjcf, tree.fixed), mujoco.mjtEq
     for row in [row for row in spec.equalities if row.type != kinds.mjEQ_JOINT]:
         spec.delete(row)

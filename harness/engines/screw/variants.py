@@ -67,7 +67,7 @@ class VariantSolution:
 
 
 class _Worst:
-    """Largest checks of each variant over the samples, squared. Shape (V,) each."""
+    """Squares of each variant's largest checks over the samples. Shape (V,) each."""
 
     def __init__(self, count: int) -> None:
         self.following, self.ratio, self.open = np.zeros((3, count))

@@ -95,7 +95,7 @@ class _Work:
         return replace(part, q=run.values["joint_position"])
 
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
-        """Return the residuals of closures and then of y, and their derivative."""
+        """Return the residuals of closures, then residuals of y, and the derivative of all residuals."""
         closed, loops = self.closed, self.closed.loops
         charts, ends = loops.charts(at, closed.given), loops.ends(at)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):

@@ -130,7 +130,7 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
-        """Return the acceleration of each body, angular, then of its origin, at constant coordinate velocities.
+        """Return angular acceleration and acceleration of the origin of each body at constant coordinate velocities.
 
         Args:
             at, V: Poses at q, and velocities of the bodies at these poses. V and the result have shape
