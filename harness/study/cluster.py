@@ -72,7 +72,7 @@ class Cluster:
             raise OutputError("the scheduler no longer responds", self.where, f"restart it {AGAIN}") from None
 
     def _run(self, client: Client, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
-        """Run tasks together; rerun those whose workers died, one at a time.
+        """Run tasks together; rerun tasks whose workers died, one at a time.
 
         Dask blames every task that a dead worker had; only a task that runs alone is known to kill its worker.
         """

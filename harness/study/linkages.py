@@ -48,7 +48,7 @@ def pin(
 
 
 def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent: str) -> Tables:
-    """Return the description of an unnamed planar linkage. Masses grow from bar to bar; centres of mass are off axis.
+    """Return the description of an unnamed planar linkage. Masses grow from bar to bar; mass centres are off the bars.
 
     Args:
         bars: Body -> centre of mass on its x axis [m].

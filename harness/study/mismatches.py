@@ -87,7 +87,7 @@ def physical_differences(scene: Scene, name: str, model: Path) -> list[Differenc
 
 
 def _own_reading(engine: Engine, model: Path, mechanism: Mechanism, gravity: Array) -> Reading | None:
-    """Read a user's model file like an engine does; return None for formats without a reader in this package.
+    """Read a user's model file as an engine does; return None for formats without a reader in this package.
 
     Raises:
         ScrewgaugeError: The file cannot be read.

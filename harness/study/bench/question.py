@@ -251,7 +251,7 @@ def _judge(question: Question, solution: Solution, blank: Finding) -> Finding:
 
 
 def _excuses(question: Question, solution: Solution) -> dict[str, str]:
-    """Return quantity -> the singularity that prevents a number; the empty name has notes on all."""
+    """Return quantity -> the singularity that prevents a number; "" -> notes on all quantities."""
     if not isinstance(question.problem.task, GivenMotion):
         return {}
     refused = refusals(question.mechanism, question.problem, solution)

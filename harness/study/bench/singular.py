@@ -106,7 +106,7 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Solution:
-    """Solve eqs. (57)-(58) for all bodies at once, and return actuator forces of minimum norm; use no virtual power.
+    """Solve eqs. (57)-(58) for all bodies at once, without virtual power; return actuator forces of minimum norm.
 
     The error estimate is the rounding error times the condition number of the system.
 
@@ -299,7 +299,7 @@ _NEAR = {"four-bar": _four_bar_near, "slider-crank": _slider_crank_near, "five-b
 
 
 def change_points(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions about linkages that pass poses with nearly collinear bars; at gap 0 also textbook linkages."""
+    """Yield questions about linkages that pass poses with nearly collinear bars; at gap 0, also textbook linkages."""
     some = [*near_change_points(3 if quick else 9, gap), *(textbook_linkages() if gap == 0.0 else ())]
     for one in some:
         place = folder / one.name

@@ -75,7 +75,7 @@ def load_variant(
 
 
 def variant(engine: str, function: Callable[..., Arrays | Solution], label: str = "", **settings: Any) -> Method:
-    """Return the method that puts a function, with settings, in the place of an engine; see `load_variant`."""
+    """Return a method that runs a function with settings in place of an engine; see `load_variant`."""
     return Method(engine, {"function": function, **settings}, label, load_variant)
 
 
