@@ -174,7 +174,7 @@ def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkey
     ("arguments", "message"),
     [
         (["--contestants", "nobody"], "unknown contestant 'nobody'"),
-        (["--contestants", ","], "no contestant is named"),
+        (["--contestants", ","], "no contestant is chosen"),
         (["--limit", "0"], "a limit of 0 s"),
         (["--limit", "nan"], "a limit of nan s"),
         (["no-such-scene"], "unknown scene 'no-such-scene'"),
