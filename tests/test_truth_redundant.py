@@ -84,7 +84,7 @@ def test_redundant_loops_of_long_decimals_are_read_as_rounded(digits, scene):
     exact = screwgauge.run(scene(text), engines=["truth"])
     results = screwgauge.run(scene(decimals(text, digits)), engines=["truth", "screw"])
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
-    assert "round to them" in notes(results)
+    assert "round to these decimals" in notes(results)
     for name, values in exact.solutions["truth"].values.items():
         radius = results.radius(name)
         assert radius.max() < RADIUS_OF_ROUNDED
@@ -95,7 +95,7 @@ def test_redundant_loops_of_long_decimals_are_read_as_rounded(digits, scene):
 def test_planar_four_bar_in_turned_frames_is_read_as_rounded(scene):
     results = screwgauge.run(scene(turned(data("four-bar.toml"))), engines=["truth", "screw"])
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
-    assert "round to them" in notes(results)
+    assert "round to these decimals" in notes(results)
 
 
 @pytest.mark.parametrize("quantity", ["joint_position", "reaction"])
@@ -119,7 +119,7 @@ def test_a_regular_pose_is_not_blamed_for_redundant_rows_that_decimals_leave_ope
     scene = screwgauge.load_scene(write("s.toml", given))
     results = screwgauge.run(scene, engines=["truth", "screw"], quantities=["joint_position"])
     reason = results.failures["truth"].reason
-    assert "3 redundant closing rows" in reason
+    assert "3 redundant closing equations" in reason
     assert "singular" not in reason
     assert results.solutions["screw"].condition.max() < 1e6
 
