@@ -42,10 +42,12 @@ class ClosedSamples:
     """Closed poses and motion of the nominal machine.
 
     Attributes:
+        t: Times [s]. Shape (n,).
         y, yd, ydd: Independent coordinates and their derivatives. Shape (n, k).
-        q: All joint coordinates. Shape (n, n_q).
+        q: All joint coordinates, which close the loops. Shape (n, n_q).
     """
 
+    t: Array
     y: Array
     yd: Array
     ydd: Array
@@ -53,6 +55,11 @@ class ClosedSamples:
 
     def __len__(self) -> int:
         return len(self.q)
+
+    @property
+    def given(self) -> Array:
+        """y, yd, ydd and time of each sample, the inputs of `Symbols` before the joint coordinates. (n, 3 k + 1)."""
+        return np.concatenate([self.y, self.yd, self.ydd, self.t[:, None]], axis=1)
 
 
 class Symbols:
@@ -91,7 +98,7 @@ class Symbols:
             loops = Loops(loops.lay, ())
         self.predicted, mechanism = dependent(loops), loops.lay.mechanism
         self.y, self.yd, self.ydd = (self._inputs(array.T) for array in (anchors.y, anchors.yd, anchors.ydd))
-        (self.t,) = self._inputs(np.zeros((1, n)))
+        (self.t,) = self._inputs(anchors.t[None])
         self.near = [c for c in loops.owner if loops.lay.turns[c]]
         self.start, near = (self._inputs(anchors.q[:, columns].T) for columns in (self.predicted, self.near))
         self.numbers = self._inputs(

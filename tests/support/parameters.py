@@ -60,7 +60,7 @@ def along_a_path(variants: Variants, motion: GivenMotion, given: dict[str, Array
     machine, p = variants._machine, variants._numbers(given)
     poses, (symbols, made) = machine.at(motion.y, motion.yd, motion.ydd, None), variants._program(variants._steps)
     lanes, out = VariantLanes(made, symbols, p.shape[1]), list[Array]()
-    for row, q in zip(poses.rows, poses.q, strict=True):
+    for row, q in zip(poses.given, poses.q, strict=True):
         lanes.given[:], lanes.near[:] = row[:, None], q[symbols.near, None]
         lanes.start[:] = q[symbols.predicted, None]
         for share in [*np.linspace(1.0 / steps, 1.0, steps), 1.0]:

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses
+from screwgauge.engines.screw.nominal import NominalMachine
 from screwgauge.engines.screw.programs import Runner, runner
 from screwgauge.reference.mechanism import SLACK, Body
 from screwgauge.reference.parameters import TENSOR, XYZ, numbers, resisting_joint
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.parametric import Symbols
+from screwgauge.reference.traced.parametric import ClosedSamples, Symbols
 
 #: Number of matrix entries in memory at a time.
 HELD = 8_000_000
@@ -102,7 +102,7 @@ class Matter:
         self.entries, self._made = entries, list[tuple[Symbols, Runner]]()
         loads = {load.body for load in machine.scene.applied.loads if load.point is None}
         self.loaded = [i for i, body in enumerate(self.bodies) if body.name in loads]
-        self._kept: tuple[NominalPoses, Array, Array] | None = None
+        self._kept: tuple[ClosedSamples, Array, Array] | None = None
 
     def numbers(self, p: Array) -> Array:
         """Return all parameters of each variant, in the order of `nominal`. Shape (P, V) -> (V, E)."""
@@ -129,7 +129,7 @@ class Matter:
         some = (mass > 0.0) | ((mass == 0.0) & ~numbers[..., 4:].any(axis=-1))
         return np.asarray((moments_hold & triangle_holds & some).all(axis=1))
 
-    def fill(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> None:
+    def fill(self, poses: ClosedSamples, p: Array, into: Sequence[Array]) -> None:
         """Fill in the values of variants; `p` has shape (P, V), each array in `into` shape (n, m, V)."""
         change = self.features(self.numbers(p)) - self.features(self.base[None])
         ends = np.cumsum([0, *(array.shape[1] for array in into)])
@@ -168,7 +168,7 @@ class Matter:
         base[masses[base[masses] == 0.0]] = self.machine.scene.mechanism.mass
         return base
 
-    def parts(self, poses: NominalPoses) -> Any:
+    def parts(self, poses: ClosedSamples) -> Any:
         """Yield samples, base values, and derivatives with respect to features. Shapes (n, m), (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
@@ -181,7 +181,7 @@ class Matter:
                 self._kept = poses, base, matrix
             yield rows, base, matrix
 
-    def _matrix(self, poses: NominalPoses, rows: slice) -> tuple[Array, Array]:
+    def _matrix(self, poses: ClosedSamples, rows: slice) -> tuple[Array, Array]:
         """Return base values and the matrix, computed from all neighbouring machines as lanes of a program."""
         known = dict(zip(self.entries, self.nominal.tolist(), strict=True))
         if not self._made:
@@ -190,10 +190,10 @@ class Matter:
         symbols, run = self._made[0]
         lanes = self._neighbours()
         numbers = np.ascontiguousarray(lanes.T)
-        given, start, near = (np.zeros((len(x), len(lanes))) for x in (poses.rows.T, symbols.predicted, symbols.near))
+        given, start, near = (np.zeros((len(x), len(lanes))) for x in (poses.given.T, symbols.predicted, symbols.near))
         out = np.empty((self.machine.count, len(lanes)))
         bound, found = run.bind([given, start, near, numbers], [out]), list[Array]()
-        for row, q in zip(poses.rows[rows], poses.q[rows], strict=True):
+        for row, q in zip(poses.given[rows], poses.q[rows], strict=True):
             given[:], start[:], near[:] = row[:, None], q[symbols.predicted, None], q[symbols.near, None]
             bound()
             found.append(out.copy())

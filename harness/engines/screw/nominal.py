@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,25 +25,6 @@ from screwgauge.scene.scene import Scene
 
 #: Residual that no motion closes above which a parameter removes mobility; rounding leaves 1e-14, a parameter 0.3.
 COSTS = 1e-9
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NominalPoses:
-    """Closed poses of the nominal machine along a motion.
-
-    Attributes:
-        motion: The given motion.
-        q: Joint coordinates that close the loops. Shape (n, n_q).
-    """
-
-    motion: GivenMotion
-    q: Array
-
-    @property
-    def rows(self) -> Array:
-        """y, yd, ydd and time of each sample. Shape (n, 3 k + 1)."""
-        motion = self.motion
-        return np.concatenate([motion.y, motion.yd, motion.ydd, motion.t[:, None]], axis=1)
 
 
 class NominalMachine:
@@ -76,8 +56,8 @@ class NominalMachine:
         names = self.work.names()
         self.components = {name: names[name][0] for name in wanted}
         some, q = anchors(self.work, scene.motion)
-        self.anchors = ClosedSamples(some.y, some.yd, some.ydd, q)
-        self._last: NominalPoses | None = None
+        self.anchors = ClosedSamples(np.zeros(len(q)), some.y, some.yd, some.ydd, q)
+        self._last: ClosedSamples | None = None
 
     @property
     def count(self) -> int:
@@ -94,7 +74,7 @@ class NominalMachine:
         wanted = TracedQuantities([*self.components], symbols.at.axial, *open_tree(self.lay))
         return [x for values in quantities(symbols.at, wanted).values() for x in values]
 
-    def at(self, y: Array, yd: Array, ydd: Array, t: Array | None) -> NominalPoses:
+    def at(self, y: Array, yd: Array, ydd: Array, t: Array | None) -> ClosedSamples:
         """Return closed poses at samples, cached for the next call.
 
         Raises:
@@ -111,13 +91,12 @@ class NominalMachine:
             raise DescriptionError("a motor or a load depends on time, but t is missing", "compile", "pass t")
         times = np.arange(float(len(y))) if t is None else np.array(t, dtype=float)
         check_array(times, (len(y),), "t")
-        given = (y, yd, ydd, times)
-        if (last := self._last) is not None:
-            motion = last.motion
-            if all(map(np.array_equal, (motion.y, motion.yd, motion.ydd, motion.t), given)):
-                return last
+        last = self._last
+        if last is not None and all(map(np.array_equal, (last.t, last.y, last.yd, last.ydd), (times, y, yd, ydd))):
+            return last
         motion = GivenMotion(times, y.copy(), yd.copy(), ydd.copy())
-        self._last = NominalPoses(motion, self._closed(motion, follow=t is not None))
+        q = self._closed(motion, follow=t is not None)
+        self._last = ClosedSamples(motion.t, motion.y, motion.yd, motion.ydd, q)
         return self._last
 
     def _closed(self, motion: GivenMotion, *, follow: bool) -> Array:
@@ -134,9 +113,9 @@ class NominalMachine:
         return mode.close(guess)
 
 
-def stack_inputs(symbols: Symbols, poses: NominalPoses, numbers: Array) -> Array:
+def stack_inputs(symbols: Symbols, poses: ClosedSamples, numbers: Array) -> Array:
     """Stack all inputs of a program at closed poses; `numbers` has shape (P,). Shape (inputs, n)."""
-    parts = [poses.rows, poses.q[:, symbols.predicted], poses.q[:, symbols.near]]
+    parts = [poses.given, poses.q[:, symbols.predicted], poses.q[:, symbols.near]]
     return np.ascontiguousarray(np.concatenate([*parts, np.tile(numbers, (len(poses.q), 1))], axis=1).T)
 
 
@@ -149,7 +128,7 @@ class Slopes:
         self.predicted, self.moving = self._symbols.predicted, any(map(geometric, known))
         self._rows: Any = None
 
-    def of(self, poses: NominalPoses) -> tuple[Array, Array]:
+    def of(self, poses: ClosedSamples) -> tuple[Array, Array]:
         """Return derivatives of the dependent coordinates, and of the remaining residuals, with respect to parameters.
 
         Returns:
@@ -174,8 +153,7 @@ class Slopes:
 
     @property
     def _openings(self) -> Array:
-        at = self.machine.anchors
-        return self.of(NominalPoses(GivenMotion(np.zeros(len(at)), at.y, at.yd, at.ydd), at.q))[1]
+        return self.of(self.machine.anchors)[1]
 
     def costs(self) -> dict[str, float]:
         """Map each parameter that removes mobility if changed separately to the closure residual that it causes.

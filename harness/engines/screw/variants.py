@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from screwgauge.engines.screw.buffers import check_finite
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.matter import Matter
-from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses, Slopes, stack_inputs
+from screwgauge.engines.screw.nominal import NominalMachine, Slopes, stack_inputs
 from screwgauge.engines.screw.programs import runner
+from screwgauge.problem import GivenMotion
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_choice
 from screwgauge.reference.graph import layout
 from screwgauge.reference.parameters import chosen, inertial, numbers
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.parametric import CHECKS, Symbols, gradient
+from screwgauge.reference.traced.parametric import CHECKS, ClosedSamples, Symbols, gradient
 from screwgauge.scene.scene import Scene
 
 #: Largest number of variants processed at a time, and largest number of their values.
@@ -129,7 +130,7 @@ class Variants:
         self._programs: dict[int, tuple[Symbols, Any]] = {}
         self._bound: dict[tuple[int, int], VariantLanes] = {}
         self._steps = STEPS[0]
-        self._at: tuple[NominalPoses | None, Array] = None, np.zeros(0)
+        self._at: tuple[ClosedSamples | None, Array] = None, np.zeros(0)
 
     @property
     def operations(self) -> int:
@@ -247,7 +248,7 @@ class Variants:
         lanes = min(LANES, max(8, HELD // max(1, n * self._machine.count)))
         return (slice(i, min(i + lanes, count)) for i in range(0, count, lanes))
 
-    def _fill(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
+    def _fill(self, poses: ClosedSamples, p: Array, into: Sequence[Array], why: Any) -> None:
         """Fill in values of some variants, and reasons for missing values; each array in `into` has shape (n, m, V)."""
         why[~self._matter.possible(p)] = IMPOSSIBLE
         if all(map(inertial, self.names)):
@@ -257,7 +258,7 @@ class Variants:
         for array in into:
             array[..., why != ""] = np.nan
 
-    def _answer(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
+    def _answer(self, poses: ClosedSamples, p: Array, into: Sequence[Array], why: Any) -> None:
         """Fill in values with the program; the array solver follows variants that leave the assembly mode."""
         left, far = np.flatnonzero(why == ""), list[int]()
         for again in range(AGAIN):
@@ -276,7 +277,7 @@ class Variants:
         for lane in [*far, *left.tolist()]:
             why[lane] = self._alone(poses, p[:, lane], [array[..., lane] for array in into])
 
-    def _run(self, poses: NominalPoses, p: Array, into: Sequence[Array], again: int) -> _Worst:
+    def _run(self, poses: ClosedSamples, p: Array, into: Sequence[Array], again: int) -> _Worst:
         """Run the program at all samples, rerun it `again` times from its last poses, and fill in the values."""
         symbols, made = self._program(self._steps)
         count, key = p.shape[1], (self._steps, min(LANES, -(-p.shape[1] // 8) * 8))
@@ -289,7 +290,7 @@ class Variants:
         ends = np.cumsum([0, *(array.shape[1] for array in into)]).tolist()
         checks = slice(ends[-1], ends[-1] + len(CHECKS))
         with np.errstate(all="ignore"):
-            for i, (row, q) in enumerate(zip(poses.rows, poses.q, strict=True)):
+            for i, (row, q) in enumerate(zip(poses.given, poses.q, strict=True)):
                 lanes.given[:], lanes.near[:] = row[:, None], q[symbols.near, None]
                 np.matmul(slopes[i], change, out=lanes.start)
                 lanes.start += q[symbols.predicted, None]
@@ -302,9 +303,9 @@ class Variants:
                     array[i] = lanes.out[first:end, :count]
         return worst
 
-    def _alone(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> str:
+    def _alone(self, poses: ClosedSamples, p: Array, into: Sequence[Array]) -> str:
         """Solve a variant with the array solver, starting from its own home pose; return the reason if this fails."""
-        motion = poses.motion
+        motion = GivenMotion(poses.t, poses.y, poses.yd, poses.ydd)
         try:
             scene = self.scene.with_({name: float(x) for name, x in zip(self.names, p, strict=True)})
             work = Work(layout(scene.mechanism), scene.problem(self.quantities))
@@ -327,7 +328,7 @@ class Variants:
     def _slopes(self) -> Slopes:
         return Slopes(self._machine, self._known)
 
-    def _slopes_at(self, poses: NominalPoses) -> Array:
+    def _slopes_at(self, poses: ClosedSamples) -> Array:
         """Return parameter derivatives of the dependent coordinates, cached for the next call. (n, c, P)."""
         if self._at[0] is not poses:
             self._at = poses, self._slopes.of(poses)[0]
@@ -341,7 +342,7 @@ class Variants:
         weights = [symbols.trace.input(np.ones(len(self._machine.anchors))) for _ in values]
         return symbols, runner(symbols.program(gradient(symbols, values, weights)), self.backend)[0]
 
-    def _pulled(self, poses: NominalPoses, weights: Array) -> Array:
+    def _pulled(self, poses: ClosedSamples, weights: Array) -> Array:
         symbols, run = self._pull
         out = np.empty((len(self.names), len(poses.q)))
         run.bind([stack_inputs(symbols, poses, self.nominal), np.ascontiguousarray(weights.T)], [out])()

@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.engines.screw.matter import ENTRIES, Matter
-from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses
-from screwgauge.problem import GivenMotion
+from screwgauge.engines.screw.nominal import NominalMachine
 from screwgauge.quantities import described
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations.forward import preload_space
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.parameters import chosen, numbers, resisting_joint
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.parametric import ClosedSamples
 from screwgauge.scene.default import exciting
 from screwgauge.scene.scene import RULES, Scene
 
@@ -65,15 +65,15 @@ class Regressor:
         given = prior * np.abs(self.matter.nominal[first:])
         self.deviations = np.where(given > 0.0, given, share / np.where(taken > 0.0, taken, np.inf))
 
-    def forces(self, poses: NominalPoses) -> tuple[Array, Array]:
+    def forces(self, poses: ClosedSamples) -> tuple[Array, Array]:
         """Return the forces of `Matter.base`, and their changes per unit feature. Shapes (n, m), (n, m, n_feature)."""
         parts = [(base, matrix) for _, base, matrix in self.matter.parts(poses)]
         return np.concatenate([base for base, _ in parts]), np.concatenate([matrix for _, matrix in parts])
 
     def without_preload(self, measured: Array) -> Array:
         """Subtract forces of redundant actuators that cancel each other, which no motion determines. Shape (n, m)."""
-        loops, motion = self.machine.work.loops, self.poses.motion
-        at = ClosedMotion(loops, self.poses.q, motion.yd, motion.ydd, self.scene.applied, motion.t)
+        loops, poses = self.machine.work.loops, self.poses
+        at = ClosedMotion(loops, poses.q, poses.yd, poses.ydd, self.scene.applied, poses.t)
         free = preload_space(at.B)
         return np.asarray(measured - np.einsum("nip,njp,nj->ni", free, free, measured))
 
@@ -96,10 +96,10 @@ class Regressor:
         rng, found, columns = np.random.default_rng(seed), list[Array](), self.scene.mechanism.independent_columns
         for poses in self._all_poses():
             some = poses.q[np.linspace(0, len(poses.q) - 1, min(POSES, len(poses.q))).astype(int)]
-            q, k = np.tile(some, (DRAWS, 1)), poses.motion.y.shape[1]
+            q, k = np.tile(some, (DRAWS, 1)), poses.y.shape[1]
             y = q[:, columns]
             yd, ydd = rng.standard_normal((2, len(q), k)) * self.machine.work.loops.sizes[columns]
-            found.append(self.rows(self.forces(NominalPoses(GivenMotion(np.zeros(len(q)), y, yd, ydd), q))[1]))
+            found.append(self.rows(self.forces(ClosedSamples(np.zeros(len(q)), y, yd, ydd, q))[1]))
         matrix, count = np.concatenate(found), len(self.matter.nominal)
         return matrix[:, :count] + matrix[:, count:] @ self._centres
 
@@ -115,7 +115,7 @@ class Regressor:
                 rows.append(row)
         return np.reshape(rows, (-1, count))
 
-    def _all_poses(self) -> list[NominalPoses]:
+    def _all_poses(self) -> list[ClosedSamples]:
         """Return the poses of the scene, and poses of an exciting motion if the limits leave room for it."""
         try:
             motion = exciting(self.scene).motion

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.engines.screw.nominal import NominalPoses
 from screwgauge.environment import environment
-from screwgauge.problem import GivenMotion, Report, silent
+from screwgauge.problem import Report, silent
 from screwgauge.quantities import described
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.parameters import mechanism_with
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.parametric import ClosedSamples
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import Recorded, read_recorded
 from screwgauge.scene.scene import Scene
@@ -164,10 +164,9 @@ def _scene_of_table(scene: Scene, table: Recorded) -> Scene:
     return replace(scene.at(table.t), tables={DATA: table})
 
 
-def _speed_up(poses: NominalPoses) -> NominalPoses:
+def _speed_up(poses: ClosedSamples) -> ClosedSamples:
     """Return the same poses, with motion at a higher speed."""
-    motion = poses.motion
-    return NominalPoses(GivenMotion(motion.t / FASTER, motion.y, FASTER * motion.yd, FASTER**2 * motion.ydd), poses.q)
+    return replace(poses, t=poses.t / FASTER, yd=FASTER * poses.yd, ydd=FASTER**2 * poses.ydd)
 
 
 def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
