@@ -27,7 +27,7 @@ class Results(Shown, Comparison):
     __slots__ = ()
 
     def write(self, out: str | Path, *, samples: bool = False, pdf: bool = False, force: bool = False) -> Path:
-        """Write tables and summary into a folder, then report and plots, replacing those of an earlier report.
+        """Write tables and summary into a folder, then report and plots, replacing an earlier report.
 
         Args:
             out: Folder, created if needed; it stays unchanged if the data cannot be written.

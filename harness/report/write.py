@@ -127,7 +127,7 @@ class Shown:
         return blocks
 
     def write(self, out: str | Path, *, force: bool = False) -> Path:
-        """Write data into a folder, then report and plots, replacing those of an earlier report.
+        """Write data into a folder, then report and plots, replacing an earlier report.
 
         Args:
             out: Folder, created if needed; it stays unchanged if the data cannot be written.
