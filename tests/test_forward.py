@@ -129,7 +129,7 @@ def test_bad_springs_and_forces_are_said(pendulum):
     meeting = under(pendulum, Applied(springs=(PointSpring("ground", zero, "upper", zero, 1.0),)))
     with pytest.raises(SingularPoseError, match="its points meet"):
         meeting.check()
-    with pytest.raises(DescriptionError, match=r"\(3,\) .* 2 joints at 3"):
+    with pytest.raises(DescriptionError, match=r"\(3,\) .* 2 coordinates at 3"):
         under(pendulum, actuators=np.zeros(3))
 
 
