@@ -38,7 +38,7 @@ def test_the_case_is_in_the_casebook():
 
 def test_import_names_point_body_distance_and_case(tmp_path, command):
     (line,) = said(command("import", str(write(tmp_path, OPEN)), "--out", str(tmp_path / "out.toml")).out)
-    for part in ("connect_1", "(0.27, 0, 0.078) m of rocker", "every geom and site of rocker", "0.26 m"):
+    for part in ("connect_1", "(0.27, 0, 0.078) m in rocker", "every geom and site of rocker", "0.26 m"):
         assert part in line
     assert "connect-anchor-at-qpos0" in (tmp_path / "out.toml").read_text(encoding="utf-8").replace("\n# ", " ")
 

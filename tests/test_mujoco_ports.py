@@ -41,7 +41,7 @@ def test_a_port_adds_the_force_of_a_load_to_what_joints_transmit():
 
 
 def test_a_port_in_float32_alone_is_named_so():
-    with pytest.raises(DescriptionError, match="name it 'mjwarp@float32'"):
+    with pytest.raises(DescriptionError, match="use 'mjwarp@float32'"):
         screwgauge.run(few("slider-crank"), engines=["screw", "mjwarp"])
 
 
