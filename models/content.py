@@ -107,7 +107,7 @@ def kinds() -> Mapping[str, Kind]:
 
 
 def kind_of(element: str) -> str:
-    """Return the name of the kind to which an element belongs in the walk through a file."""
+    """Return the name of the kind that contains an XML element, or `OTHER`."""
     return next((kind.name for kind in kinds().values() if element in kind.xml), OTHER)
 
 

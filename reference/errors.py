@@ -115,7 +115,7 @@ _SYSTEM = {"libGL.so": "libgl1", "libEGL.so": "libegl1", "libOSMesa.so": "libosm
 def remedy_of_import(error: ImportError, package: str) -> str:
     """Return the remedy for a failed import: the package to install."""
     for name in (name for name in _SYSTEM if name in str(error)):
-        return f"{name.partition('.')[0]} belongs to the system; on Debian and Ubuntu, apt-get install {_SYSTEM[name]}"
+        return f"{name.partition('.')[0]} is a system library; on Debian or Ubuntu, run apt-get install {_SYSTEM[name]}"
     return f"pip install {'' if isinstance(error, ModuleNotFoundError) else '--force-reinstall '}{package}"
 
 

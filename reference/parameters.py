@@ -173,10 +173,10 @@ def mechanism_with(mechanism: Mechanism, values: Numbers, *, symbolic: bool = Fa
     """Replace numbers of a mechanism.
 
     Args:
-        symbolic: Whether values are nodes of a trace or arrays, which no check can read. Shape (...).
+        symbolic: Whether the values are nodes of a trace or arrays, which cannot be validated. Shape (...).
 
     Raises:
-        DescriptionError: A body or joint cannot have the new numbers.
+        DescriptionError: The new numbers are invalid for a body or joint.
     """
     make, get = unchecked if symbolic else replace, partial(_value, values, symbolic)
     bodies = tuple(_body(body, get, make) for body in mechanism.bodies)

@@ -189,7 +189,7 @@ class LeftOutError(Exception):
 
 
 def missing_quantities(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
-    """Return the requested quantities that an answer lacks, except those that its engine declared to lack."""
+    """Return the requested quantities that an answer lacks, except quantities that its engine declares as lacking."""
     return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in answer.lacks)
 
 

@@ -31,7 +31,8 @@ def solve_couplings(couplings: Couplings, leading: Collection[str]) -> tuple[Cou
     if new is None or any(find_cycle(one.joint, _leads(new)) for one in new.values()):
         new = _solve_linear(couplings, leading)
     other = [one.joint for name, one in new.items() if one.joint != couplings[name].joint]
-    sentences = [f"Couplings are solved for {few_names(other)}: driven and independent joints lead."] if other else []
+    solved = f"Couplings are solved for {few_names(other)}, and for driven or independent joints only if necessary."
+    sentences = [solved] if other else []
     if gone := [name for name in couplings if name not in new]:
         sentences.append(f"Redundant couplings are left out: {few_names(gone)}.")
     return new, sentences

@@ -254,7 +254,7 @@ def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[E
 
 
 def _meshes(bare: ET.Element, used: Iterable[str], path: Path, folder: Path) -> Iterator[tuple[str, bytes]]:
-    """Rename the files of the used meshes to separate names; yield these names and the contents of the files."""
+    """Give each mesh in use a unique file name and remove other assets; yield names and contents of the files."""
     directory, total = _directory(bare), 0
     for asset in bare.iterfind("asset"):
         for element in list(asset):

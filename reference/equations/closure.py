@@ -100,7 +100,7 @@ class Closed:
         return [self.loops.place[c] for c in columns], powers(W, self.pose.S[..., columns, :]) * signs
 
     def reading(self, column: int) -> tuple[list[int], Array]:
-        """Return columns of tree coordinates, and a coordinate's rate per rate of each column, shape (..., 1, c)."""
+        """Return the tree columns that determine a coordinate's rate, and its slopes in their rates, (..., 1, c)."""
         if column in self.loops.place:
             return [self.loops.place[column]], np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         j, i = self.loops.owner[column]

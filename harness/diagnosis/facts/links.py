@@ -99,7 +99,7 @@ def _match_joints(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element,
 
 
 def _base(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """Compare the joints of a free body and its start pose."""
+    """Compare the joints and the initial pose of a free body in both models."""
     ours, theirs = (tuple(each.kind for each in link.elements) for link in (one, other))
     if ours != theirs:
         yield Fact(one.far, "base", ours, theirs, kind="convention", partner=other.far)

@@ -28,7 +28,7 @@ SUM = 3.0
 
 
 def end_facts(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """Yield ends of closures that are displaced on one of their bodies, or equally on both."""
+    """Yield a fact for each displaced end of a closure, or one fact if both ends are displaced equally."""
     for x, y in zip(one.elements, other.elements, strict=True):
         for name, partner in closure_names(pair, x, y).items():
             ends = [*_ends(pair, name, partner)]

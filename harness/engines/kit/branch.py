@@ -25,7 +25,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock
 
 Gaps = Callable[[Array], tuple[Array, Array]]
-"""Joint coordinates (n, n_q) -> openings of loops and couplings, (n, m), and their derivative, (n, m, n_q)."""
+"""Joint coordinates (n, n_q) -> residuals of loops and couplings, (n, m), and their derivatives, (n, m, n_q)."""
 
 Solve = Callable[[Array, GivenMotion, Applied], tuple[dict[str, Array], dict[str, Array]]]
 """Joint coordinates (n, n_q), motion and applied forces -> quantities, (n, m) each, and condition numbers (n,) for the

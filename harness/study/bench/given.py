@@ -57,7 +57,7 @@ def motion(posed: PreparedScene, engine: str, wanted: Sequence[str], *, whole: b
 
 
 def single_samples(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
-    """Pose the prescribed motion, one sample at a time."""
+    """Pose one problem for each sample of the prescribed motion."""
     tasks = [posed.scene.motion.part(slice(i, i + 1)) for i in range(len(posed.t))]
     problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
     return Trial(posed.files(engine), problems, len(tasks), posed.reference)

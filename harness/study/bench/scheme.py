@@ -221,10 +221,10 @@ def _bias(terms: Array) -> Array:
 
 
 def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> tuple[Array, Array]:
-    """Return twist and acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
+    """Return the twist and the acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
 
-    The ``right`` screws follow from the joint with the independent coordinates, whose other angles rest, if that closes
-    the loops (c = 0 in the paper's mechanism); otherwise from the closed mechanism.
+    The ``right`` screws are those of the joint with the independent coordinates, with its other angles held fixed, if
+    the loops close at these poses (c = 0 in the paper's mechanism), and otherwise those of the closed mechanism.
 
     Raises:
         UnknownNameError: The twist is unknown.

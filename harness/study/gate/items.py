@@ -137,7 +137,7 @@ def _check_names(every: Iterable[Item]) -> None:
 
 
 def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str, float]:
-    """Read the admitted scaled errors by quantity."""
+    """Read the largest allowed scaled error of each quantity."""
     if given is None:
         return {}
     table, where = (dict(given), "tolerances") if isinstance(given, Mapping) else (read_toml(Path(given)), str(given))
@@ -145,7 +145,7 @@ def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str,
     return {name: positive(value, f"{where}, {name}") for name, value in table.items()}
 
 
-#: Scaled error above which an admitted error is reported.
+#: Allowed scaled errors above this value are reported.
 WIDE = 1e-2
 
 
