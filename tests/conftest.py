@@ -53,7 +53,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave files of campaigns unread unless ``-m`` names them; each worker would compile them."""
+    """Collect campaigns only on request."""
     return (collection_path.name == "campaigns" and "campaign" not in config.getoption("markexpr")) or None
 
 

@@ -84,7 +84,7 @@ def circle(
 
 
 def cuspidal(sheet: int, turns: float, *, back: bool = False) -> Scene:
-    """Three assemblies meet at these lengths."""
+    """Three assemblies meet here."""
     scene = of(three_rpr(*SHEETS[sheet]))
     mechanism = scene.mechanism
     centre = mechanism.home[mechanism.independent_columns] - [0.0, 0.0, AROUND]

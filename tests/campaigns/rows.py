@@ -58,7 +58,7 @@ def grown(
 
 
 def keep(file: Path, text: str) -> None:
-    """Write a table that no report has."""
+    """Write a table without report."""
     file.parent.mkdir(parents=True, exist_ok=True)
     replace_file(file, text)
 

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class NoPlaceError(Exception):
-    """The model has no place for that edit."""
+    """The edit fits nowhere."""
 
 
 class Parts:
