@@ -194,7 +194,7 @@ def test_a_worker_that_has_not_the_same_file_is_refused(content, tmp_path, monke
     file = tmp_path / "a.txt"
     if content is not None:
         file.write_text(content)
-    with pytest.raises(DescriptionError, match=r"a\.txt: is not on"):
+    with pytest.raises(DescriptionError, match=r"a\.txt: is missing or different"):
         study._with_files(partial(support.reads, "a.txt"), str(tmp_path), {str(file): "digest"}, lambda *said: None)
 
 

@@ -48,7 +48,7 @@ def test_estimates_that_are_too_small_are_found(monkeypatch):
         return sums, [1e-6 * error for error in errors]
 
     monkeypatch.setattr(Bounds, "estimated", wrong)
-    monkeypatch.setattr(compiled, "examined", lambda part, units, length: np.zeros((len(part.trust.gain), 99)))
+    monkeypatch.setattr(compiled, "estimate_errors", lambda part, units, length: np.zeros((len(part.trust.gain), 99)))
     assert compiled.measured("states", 0, ["numpy"], 60)[0]["ok"] is False
 
 

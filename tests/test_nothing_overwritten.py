@@ -240,7 +240,7 @@ def test_a_report_does_not_replace_the_table_that_it_is_about(capsys):
     text = (Path(screwgauge.__file__).parent / "scenes" / "slider-crank.toml").read_text(encoding="utf-8")
     Path("mine.toml").write_text(f'tables.mine = "out/samples.parquet"\n{text}', encoding="utf-8")
     refused("run", "mine.toml", *asked)
-    assert "the report's samples.parquet writes" in capsys.readouterr().err
+    assert "output of the report's samples.parquet" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -267,8 +267,8 @@ def test_the_second_command_into_a_folder_is_refused(capsys):
 
 
 def test_a_folder_is_free_when_who_held_it_is_killed():
-    code = "from pathlib import Path; from screwgauge.report.folder import locked\n"
-    code += "with locked(Path('out')): print(flush=True); input()"
+    code = "from pathlib import Path; from screwgauge.report.folder import lock_folder\n"
+    code += "with lock_folder(Path('out')): print(flush=True); input()"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", code], env=environment, **pipes) as one:

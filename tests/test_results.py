@@ -162,7 +162,7 @@ def test_what_is_no_scene_is_refused(call, what):
         (lambda s: s.under(loads=["rod"]), "under, loads: 'rod' is not"),
         (lambda s: s.under(loads=[{"on": "rodd", "by": "environment", "force": [0, 0, 1]}]), "did you mean 'rod'"),
         (lambda s: s.under(springs=[{"coordinate": "a"}]), "under, springs: .* exerts nothing"),
-        (lambda _: screwgauge.diagnose("slider-crank", "slider-crank", map=3), "map: 3 is no file"),
+        (lambda _: screwgauge.diagnose("slider-crank", "slider-crank", map=3), "map: 3 is neither a file"),
     ],
 )
 def test_arguments_of_another_type_are_refused(wrong, said):
