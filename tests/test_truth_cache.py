@@ -74,7 +74,7 @@ def test_another_gravity_is_another_question(calls):
         (lambda data: data[:-10], "damaged"),
         (lambda data: b"", "damaged"),
         (lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:], "damaged"),
-        (lambda data: data.replace(data.split(b" ")[1], b"0" * 64, 1), "another version"),
+        (lambda data: data.replace(data.split(b" ")[1], b"0" * 64, 1), "a different version"),
     ],
 )
 def test_damaged_or_stale_file_is_computed_anew_and_said_so(calls, cache_folder, damage, said):
