@@ -128,7 +128,7 @@ def test_leave_for_what_is_not_there_is_refused(allow, reason, write):
 
 def test_leave_that_admits_nothing_is_named(write):
     fine = ARM.replace("3.4e-3", "2.9e-3")
-    assert "hand.triangle, which has no effect" in " ".join(load_mechanism(write("arm.toml", ALLOW + fine)).remarks)
+    assert "hand.triangle" in " ".join(load_mechanism(write("arm.toml", ALLOW + fine)).remarks)
 
 
 def test_negative_moments_are_no_matter_of_leave(write):
