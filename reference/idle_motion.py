@@ -45,7 +45,7 @@ FIRST, LONGER, SHORTEST = 0.25, 2.0, 1e-9
 ROUNDED = 0.1
 #: Condition of a pose, or of its forces, that a motion cannot pass; and largest rate, relative to the rate of a
 #: pendulum as long as the mechanism.
-NEARLY, RUNAWAY = 1e5, 1e4
+IMPASSABLE, RUNAWAY = 1e5, 1e4
 #: Condition that explains why no further step is possible.
 SUSPECT = 1e3
 #: Multiple of the observed rounding error up to which terms of a piece count as rounding; displacement of poses by
@@ -203,13 +203,13 @@ class _Integration:
         Raises:
             ScrewgaugeError: The integration cannot continue.
         """
-        jacobian, reason = self._jacobian(), self._end_of_the_way()
+        jacobian, reason = self._jacobian(), self._reason_to_end()
         if reason:
             raise self._broken_off(reason)
         while True:
             ends, points = self._ends(end)
             if ends[-1] - self.begin < SHORTEST * max(end - self.motion.since, FIRST):
-                raise self._broken_off(self._end_of_the_way(SUSPECT) or reason)
+                raise self._broken_off(self._reason_to_end(SUSPECT) or reason)
             try:
                 with np.errstate(all="ignore"):
                     pieces = self._solve(ends, rule(points), jacobian)
@@ -330,12 +330,12 @@ class _Integration:
             return J[:, :m], J[:, m:]
         return np.zeros((m, m)), np.zeros((m, m))  # near a pose where the loops open
 
-    def _end_of_the_way(self, nearly: float = NEARLY) -> str:
+    def _reason_to_end(self, limit: float = IMPASSABLE) -> str:
         """Return why the motion ends (impassable pose, or diverging coordinates); empty if it may continue."""
         at = self.start
-        if at.condition[0] > nearly:
+        if at.condition[0] > limit:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
-        if at.idle_reluctance[0] > nearly:
+        if at.idle_reluctance[0] > limit:
             return "the given motion and this one nearly block each other there, so the forces do not determine it"
         speed = np.abs(self.yd / self.unit[self.idle]) / max(self.floor, 1.0) ** 0.5
         return f"it diverges, reaching {np.abs(self.yd).max():.3g} rad/s or m/s" if speed.max() > RUNAWAY else ""

@@ -3,6 +3,7 @@ import re
 
 import numpy as np
 import pytest
+import tomli_w
 
 import screwgauge
 from screwgauge import exciting
@@ -12,6 +13,7 @@ from support.engines import solve
 from support.errors import DescriptionError
 from support.judging import coverage
 from support.scene import check_scene, far_from_home, scene_names
+from support.singular import four_bar
 
 pytestmark = pytest.mark.slow
 
@@ -84,6 +86,14 @@ def test_it_is_as_large_as_limits_let_it_be(write):
         DescriptionError, match=r"away from singular poses: it would exceed the limits of 'crank' \(\[0, "
     ):
         exciting(screwgauge.load_scene(write("scene.toml", text)))
+
+
+def test_a_home_pose_next_to_a_change_point_is_near_a_singular_pose_though_the_loop_closes_beyond(write):
+    bars = four_bar(0.3, 0.5, 0.3, 0.5, np.pi - 1e-3)
+    write("m.toml", tomli_w.dumps({"name": "parallelogram", **bars}))
+    scene = screwgauge.load_scene(write("s.toml", 'mechanism = "m.toml"\nmotion.a = {}\ntime = { times = [0] }\n'))
+    with pytest.raises(DescriptionError, match="singular poses: it would approach a singular pose"):
+        exciting(scene)
 
 
 def test_samples_of_a_file_are_replaced(write):

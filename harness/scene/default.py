@@ -27,6 +27,7 @@ from screwgauge.quantities import G0, GIVEN
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
+from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, check_seed, first_few
@@ -41,7 +42,8 @@ from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
 
-NEARLY = 1e2  # multiple of |J^-1| at home from which a motion is not followed any closer to a singular pose
+CLOSEST = 1e2  # multiple of |J^-1| at home from which a motion is not followed any closer to a singular pose
+SINGULAR = "it would approach a singular pose"
 WORSE = 4.0  # largest acceptable ratio of a condition number to that of the home pose
 STEEPEST = 1.2  # largest second angle of an S joint [rad], well before its lock
 #: Amplitudes of the coordinate that moves most [rad or lengths of the mechanism]; the first suitable one is used.
@@ -67,7 +69,7 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
     system, balls = loop_equations(lay), [j for j in mechanism.joints if j.constrains and j.angles == 3]
     middle = [joint.coordinates[1] for joint in balls]
     mode.restart()
-    mode.avoid_singular(NEARLY)
+    mode.avoid_singular(CLOSEST)
     for first in range(0, len(motion), part):
         some = motion.part(slice(first, first + part))
         closed = mode.motion(some.y, some.t, (some.yd, some.ydd), some.drive)
@@ -77,7 +79,7 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
         if beyond := limits_left(mechanism, closed):
             return f"it would exceed the limits of {first_few(beyond, NAMED)}"
         if not inside:
-            return "it would approach a singular pose"
+            return SINGULAR
     return ""
 
 
@@ -133,9 +135,10 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
         )
         try:
             stopped = obstacle(mode, drive(t))
+        except PathEnd as end:
+            stopped = SINGULAR if end.beyond else end.what
         except ScrewgaugeError as error:
             stopped = error.what
-            continue
         if not stopped:
             return _moving(scene, seed, tables, drive, t)
     least = f"{AMPLITUDES[-1]:.1g} rad or lengths"
