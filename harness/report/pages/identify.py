@@ -34,10 +34,10 @@ def headline(found: Identification) -> str:
             f"Forces of samples that were not fitted are predicted to {_share(fit.error)} of the largest (noise "
             f"{_share(fit.noise)}); {int(found.known.sum())} of {len(found.names)} numbers are identified."
         )
-    faster = f", {found.faster} at {FASTER:g} times its speed" if found.faster > found.told else ""
+    faster = f", {found.faster} at {FASTER:g} times its speed" if found.faster > found.determined else ""
     parts.append(
         f"Motions can identify {any_motion.rank} of {any_motion.count} numbers or combinations of them; this motion "
-        f"identifies {found.told} with noise of {_share(found.noise)} of the largest force{faster}."
+        f"identifies {found.determined} with noise of {_share(found.noise)} of the largest force{faster}."
     )
     return " ".join(parts)
 
@@ -83,10 +83,10 @@ def _rows(found: Identification) -> list[Row]:
             "nominal": number(nominal, 5),
             "before": number(before, 2),
             "after": number(after, 2),
-            "told": "yes" if told else "no",
+            "determined": "yes" if known else "no",
             "value": value,
         }
-        for name, nominal, before, after, told, value in zip(*columns, strict=True)
+        for name, nominal, before, after, known, value in zip(*columns, strict=True)
     ]
 
 
@@ -104,7 +104,7 @@ def numbers_table(found: Identification) -> pd.DataFrame:
     columns |= {"expected": found.expected}
     if found.fit is not None:
         columns |= {"value": found.fit.values, "deviation": found.fit.deviations}
-    return pd.DataFrame({**columns, "told": found.known})
+    return pd.DataFrame({**columns, "determined": found.known})
 
 
 def directions_table(found: Identification) -> pd.DataFrame:

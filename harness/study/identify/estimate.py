@@ -126,8 +126,8 @@ def fit_samples(unknowns: Unknowns, measured: Array, matrix: Array, independent:
         x, covariance = _most_likely(unknowns, R, t, noise, x)
         if not known:
             left = t - R @ unknowns.features(x[:, None])[0]
-            told = unknowns.count - float(np.trace(covariance))  # effective number of parameters determined
-            noise = max(np.sqrt(max(rest + float(left @ left), 0.0) / max(count - told, 1.0)), LEAST)
+            determined = unknowns.count - float(np.trace(covariance))  # effective number of parameters determined
+            noise = max(np.sqrt(max(rest + float(left @ left), 0.0) / max(count - determined, 1.0)), LEAST)
     left = measured - matrix @ unknowns.features(x[:, None])[0]
     return Fit(
         values=unknowns.numbers(np.maximum(x, unknowns.least)[:, None])[0],

@@ -47,8 +47,8 @@ class Identification:
         nominal, prior: Values in the scene, and prior standard deviations. Shape (E,).
         expected: Standard deviations after this motion, if forces have this `noise`. Shape (E,).
         structure: Combinations of numbers that any motion can determine.
-        told, faster: Number of combinations that this motion determines better than the prior, at its own speed and at
-            `FASTER` times that speed.
+        determined, faster: Number of combinations that this motion determines better than the prior, at its own speed
+            and at `FASTER` times that speed.
         size: Prior standard deviation of a body.
         fit: Estimates from the measured forces; None without data.
     """
@@ -59,7 +59,7 @@ class Identification:
     prior: Array
     expected: Array
     structure: Structure
-    told: int
+    determined: int
     faster: int
     noise: float
     size: float
@@ -141,7 +141,7 @@ def identify(
         prior=np.linalg.norm(unknowns.nominal_slopes[0], axis=1),
         expected=expected_deviations(unknowns, matrix, share),
         structure=any_motion,
-        told=count_determined(unknowns, matrix, share),
+        determined=count_determined(unknowns, matrix, share),
         faster=count_determined(unknowns, regressor.rows(regressor.forces(_speed_up(regressor.poses))[1]), share),
         noise=share,
         size=prior,
