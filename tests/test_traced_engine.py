@@ -154,7 +154,7 @@ def test_badly_conditioned_samples_are_left_to_the_array_solver_and_counted():
     motion = GivenMotion(np.arange(4.0), y, np.ones((4, 2)), np.ones((4, 2)))
     scene = replace(screwgauge.load_scene("3ups-upu-s"), task=motion, drive=None, text={})
     mine, other = solved(scene, "numpy"), solved(scene, "array")
-    assert mine.notes[0].startswith("2 of 4 samples by a program of")
+    assert mine.notes[0].startswith("2 of 4 samples were solved by a program of")
     assert mine.notes[0].endswith("solver (2 badly conditioned)")
     assert np.array_equal(mine.values["reaction"].array[2:], other.values["reaction"].array[2:])
 
@@ -186,7 +186,7 @@ def test_fewer_actuators_than_freedoms_are_left_to_the_arrays():
         replace(joint, actuated=False) if joint.name == "left" else joint for joint in scene.mechanism.joints
     )
     lay = layout(replace(scene.mechanism, joints=joints))
-    with pytest.raises(NotTraceableError, match="fewer actuators than freedoms"):
+    with pytest.raises(NotTraceableError, match="fewer actuators than degrees of freedom"):
         check_traceable(lay, scene.problem(["actuator_force"]))
 
 

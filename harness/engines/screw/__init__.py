@@ -1,1 +1,1 @@
-"""The engine `screw`: the solver of screwgauge.reference."""
+"""The engine `screw`, which runs the solver of `screwgauge.reference`."""

@@ -1,4 +1,4 @@
-"""Arrays that a compiled solver reads and fills; layouts are checked once, and samples at every call."""
+"""Checks of the arrays that a compiled solver reads at every call, and of the buffers that it fills."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from screwgauge.reference.errors import DescriptionError, UnknownNameError, show
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import columns
 
-#: Number of samples processed at a time.
+#: Largest number of samples.
 MOST = 10**9
 _WRITEABLE = attrgetter("flags.writeable")
 
 
 class Buffers(Mapping[str, Array]):
-    """Arrays that a solver fills, by quantity, each of shape (n, n_component); created by `Solver.buffers`.
+    """Arrays that a solver fills, one of shape (n, n_component) per quantity; created by `Solver.buffers`.
 
     Only one call at a time may use them. Pickling or copying yields a dict of the arrays.
 
     Attributes:
         n: Number of samples.
-        owner: The solver that fills them.
+        owner: The solver that fills the arrays.
         known: The owner's private data.
     """
 
     def __init__(self, owner: object, counts: Mapping[str, int], n: int, given: Mapping[str, Array]) -> None:
-        """Check given arrays and allocate all other arrays.
+        """Check the given arrays and allocate the missing ones.
 
         Args:
             counts: Quantity -> number of components.
@@ -86,7 +86,7 @@ class Buffers(Mapping[str, Array]):
 
 
 def split_columns(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
-    """Split the columns of an array among names; `counts` gives the number of columns for each name."""
+    """Split an array into named blocks of columns; `counts` maps each name to its number of columns."""
     ends = accumulate(counts.values())
     return {name: array[:, end - count : end] for (name, count), end in zip(counts.items(), ends, strict=True)}
 

@@ -1,4 +1,4 @@
-"""``screwgauge.compile``: the traced program of a scene as a function of samples, for large numbers of samples."""
+"""``screwgauge.compile``: compiles a scene into a function of samples, for large numbers of samples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from screwgauge.reference.traced.program import CHUNK, Pool, columns
 from screwgauge.scene.scene import Scene
 
 Mode = tuple[bool, bool]
-"""Flags: samples have their own loads; errors are estimated."""
+"""Whether samples have their own loads, and whether errors are estimated."""
 #: Number of samples processed at a time, for any input, so that memory stays constant.
 PART = CHUNK
 
@@ -34,7 +34,7 @@ class CompiledSolution:
 
     Attributes:
         values: Quantity -> array of shape (n, n_component).
-        by_array: Reason -> number of samples that the array solver answered.
+        by_array: Reason -> number of samples that the array solver had to solve.
         estimate: Quantity -> estimated error at each sample for each unit, shape (n, n_unit), with units in the order
             in which they first occur among the quantity's components; empty if not requested. A call that reuses the
             buffers overwrites the estimates.
@@ -55,18 +55,18 @@ class Solver:
     again.
 
     Attributes:
-        quantities: Quantities that it computes.
+        quantities: Names of the computed quantities.
         components: Quantity -> names of its components.
-        notes: Notes on the solver, such as why there is no program.
+        notes: Notes on the solver, such as the reason why it has no program.
     """
 
     def __init__(
         self, scene: Scene, quantities: Iterable[str], backend: str, threads: int, mode: Mode = (False, False)
     ) -> None:
-        """Trace and compile, with pivots chosen at samples of the scene's motion.
+        """Trace and compile the program, with pivots chosen at samples of the scene's motion.
 
         Args:
-            mode: Mode of the program built immediately; other modes are built on first use.
+            mode: Mode of the program to build at once; programs of other modes are built on first use.
         """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork]] = {}
@@ -94,7 +94,7 @@ class Solver:
         return "" if self.first.traced is None else self.first.traced.program.as_c()
 
     def buffers(self, n: int, arrays: Mapping[str, Array] | None = None) -> Buffers:
-        """Allocate arrays for `out` of n samples, one for each quantity, shape (n, n_component).
+        """Allocate the arrays to pass as `out` for n samples, one of shape (n, n_component) per quantity.
 
         Args:
             arrays: Quantity -> your own array to fill: plain float64, writeable, without shared memory.
@@ -116,7 +116,7 @@ class Solver:
         out: Buffers | None = None,
         estimates: bool = False,
     ) -> CompiledSolution:
-        """Solve samples in any order; each row is independent of earlier calls.
+        """Solve samples, in any order; the results of a row do not depend on earlier calls.
 
         Args:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives; second derivatives of undriven coordinates
@@ -130,7 +130,7 @@ class Solver:
 
         Raises:
             ScrewgaugeError: An array has the wrong shape or type, or a row cannot be solved: every path from the home
-                pose passes near a singular pose, two different poses are reached, or values overflow a double.
+                pose passes near a singular pose, two different poses are reached, or a value exceeds the float64 range.
         """
         given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
         mode = load is not None, estimates
@@ -173,13 +173,13 @@ class Solver:
         return CompiledSolution(split_columns(lent, counts[0]), by_array, split_columns(lent[:, m:], counts[1]))
 
     def _length(self, y: Array) -> int:
-        """Return the number of samples; reject zero."""
+        """Return the number of samples; reject y if it is not a two-dimensional array."""
         if type(y) is not np.ndarray or y.ndim != 2:
             check_array(y, (None, len(self.scene.mechanism.independent)), "y")
         return len(y)
 
     def _error_counts(self, mode: Mode) -> dict[str, int]:
-        """Return the number of estimated errors per sample of each quantity."""
+        """Return, for each quantity, the number of errors estimated per sample."""
         return {name: len({*units}) for name, units in self._works(mode)[0].units.items()} if mode[1] else {}
 
     def _solve(
@@ -188,7 +188,7 @@ class Solver:
         """Solve into preallocated arrays.
 
         Returns:
-            Counts of samples answered by the array solver, and the program bound to these arrays, if any.
+            Reason -> number of samples solved by the array solver; and the program bound to these arrays, if any.
 
         Raises:
             ScrewgaugeError: See `__call__`.
@@ -235,7 +235,7 @@ class Solver:
         """Solve chunks of samples in reused buffers, with constant memory use.
 
         Args:
-            chunks: y, yd, ydd and, if they vary, loads of each chunk: see `__call__`. About 400 samples of all
+            chunks: y, yd, ydd and, if loads vary, the loads of each chunk, see `__call__`. About 400 samples of all
                 quantities, or 1000 samples of a few quantities, fit into the cache.
         """
         out = self.buffers(0)

@@ -1,4 +1,4 @@
-"""Accelerations of states from a traced program, with the array solver for doubtful states."""
+"""Computes accelerations of states with a traced program; the array solver handles doubtful states."""
 
 from __future__ import annotations
 
@@ -19,38 +19,37 @@ from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import FORWARD_CHECKS, forward_program
 from screwgauge.solution import Stopwatch
 
-#: Largest number of times that the program continues from the last Newton iterate, and the square of a dimensionless
-#: step after which the next step would be rounding.
+#: Largest number of times that the program continues from the last Newton iterate, and square of the dimensionless
+#: step below which the next step would be at rounding level.
 AGAIN, SETTLED = 4, 1e-20
 #: Largest distance to a predicted pose, averaged over all coordinates [rad or mechanism lengths].
 FARTHEST = 1.0
 #: Checks of the quality of the predicted pose.
 PREDICTED = [FORWARD_CHECKS.index(name) for name in ("moved", "residual", "far", "strayed")]
-#: Number of pieces of the straight path to a state, if it is too long for a single prediction.
+#: Numbers of pieces into which the straight path to a state is divided if a single prediction fails.
 PIECES = (2, 4, 8)
-#: Factor below `Integration.near` at which an estimated condition number puts a state in doubt.
+#: A state is in doubt if its estimated condition number times this factor exceeds `Integration.near`.
 MARGIN = 1.5
-#: Number of well-conditioned states that the program could not answer after which it gets new pivots, and the largest
-#: number of times that this happens.
+#: Number of well-conditioned states that the program may fail to solve before it gets new pivots, and the largest
+#: number of times that it gets them.
 MISSED, TIMES = 8, 3
 
 
 class TracedForward:
-    """Evaluator of time derivatives of states (y, yd, work) using a program; each pose is predicted from the previous
-    one.
+    """Computes time derivatives of states (y, yd, work) with a program, and predicts each pose from the previous pose.
 
     Attributes:
         pose: Closed pose from which the next pose is predicted, see `forward_program`. Shape (d + d k + k, width).
         by_array: Number of evaluations left to the array solver.
-        setup: Processor time of tracing and compiling [s].
+        setup: CPU time spent on tracing and compiling [s].
     """
 
     def __init__(self, lay: Layout, problem: Problem, task: InitialValue, backend: str) -> None:
-        """Trace and compile.
+        """Trace and compile the program.
 
         Raises:
             NotTraceableError: No program covers the problem.
-            ClosureError: The loops cannot close at the start.
+            ClosureError: The loops cannot be closed at the start.
         """
         check_traceable(lay, replace(problem, wanted=frozenset()))
         self.system, near = home_equations(lay), task.integration.near
@@ -75,30 +74,30 @@ class TracedForward:
         self.reached, self.answer = np.zeros_like(self.pose), np.zeros((k + 1, width))
         self.checks = np.zeros((len(FORWARD_CHECKS), width))
         limits = SETTLED, OPEN**2, (self.near / MARGIN) ** 2, SINGULAR, FARTHEST**2, 1.0
-        #: Function that evaluates the states of all lanes; returns True if none is in doubt.
+        #: Function that evaluates the states of all lanes; returns True if no state is in doubt.
         self.weights = 1.0 / np.array(limits)
         self.run = compiled.bind([self.pose, self.state], [self.answer, self.reached, self.checks], self.weights)
         self.made += 1
         self.setup += clock.cost().cpu_s
 
     def recall(self, q: Array, K: Array) -> None:
-        """From now on, predict from a closed pose and its velocity map. Shapes (n_q,), (n_q, k)."""
+        """Predict the next poses from a closed pose and its velocity map. Shapes (n_q,), (n_q, k)."""
         self.pose[:] = np.concatenate([q[self.dependent], K[self.dependent].ravel(), q[self.columns]])[:, None]
 
     def _coordinates(self, q: Array) -> Array:
-        """Scatter the tree coordinates of the base pose. Shape (n_q,)."""
+        """Write the coordinates of `pose` into q and return it. Shape (n_q,)."""
         q[self.columns], q[self.dependent] = self.pose[-len(self.columns) :, 0], self.pose[: len(self.dependent), 0]
         return q
 
     def lend(self, branch: BranchPose) -> None:
-        """Move a branch to the base pose."""
+        """Move a branch to the pose from which the next pose is predicted."""
         branch.put(self._coordinates(branch.q.copy()))
 
     def learn(self, q: Array, K: Array, condition: float) -> None:
-        """Continue from a pose that the program could not answer.
+        """Continue from a pose that the program could not solve.
 
-        Well-conditioned poses that the program closed may add pivots; an infinite `condition` marks a pose that the
-        program did not close.
+        New pivots may be chosen at well-conditioned poses that the program closed; an infinite `condition` marks a
+        pose that the program did not close.
         """
         self.by_array += 1
         if condition < self.near / MARGIN**2:
@@ -110,7 +109,7 @@ class TracedForward:
         self.recall(q, K)
 
     def _evaluate(self) -> bool:
-        """Run the program on the states of all lanes, in smaller steps if needed; return True if none is in doubt."""
+        """Run the program on all lanes, in smaller steps if needed; return True if no state is in doubt."""
         if self._settle():
             return True
         doubts = (self.checks * self.weights[:, None]).max(axis=1)
@@ -127,7 +126,7 @@ class TracedForward:
         return False
 
     def _settle_at(self, y: Array) -> bool:
-        """Run the program on states with coordinates y, shape (k, width); return True if none is in doubt."""
+        """Run the program on states with coordinates y, shape (k, width); return True if no state is in doubt."""
         self.state[: len(y)] = y
         return self._settle()
 
@@ -149,7 +148,7 @@ class TracedForward:
         return False
 
     def closed(self, y: Array) -> Array | None:
-        """Return the closed pose's joint coordinates, except those of cut joints; None if in doubt. (n_q,)."""
+        """Return the coordinates of the closed pose, with cut joints at home; None if the pose is in doubt. (n_q,)."""
         k, before = len(self.columns), self.pose.copy()
         self.state[:k], self.state[k:] = y[:, None], 0.0
         fine = self._evaluate()
@@ -158,13 +157,13 @@ class TracedForward:
         return q if fine else None
 
     def slope(self, t: float, state: Array) -> Array | None:
-        """Return the derivative of a state; None if in doubt. Shape (2 k + 1,)."""
+        """Return the derivative of a state; None if the state is in doubt. Shape (2 k + 1,)."""
         k = len(self.columns)
         self.state[:-1], self.state[-1] = state[:-1, None], t
         return np.concatenate([state[k:-1], self.answer[:, 0]]) if self._evaluate() else None
 
     def slopes(self, t: float, states: Array) -> Array | None:
-        """Return the derivatives of several states, one per column; None if any is in doubt. Shape (2 k + 1, n)."""
+        """Return the derivatives of states, one column each; None if a state is in doubt. Shape (2 k + 1, n)."""
         k, out, width = len(self.columns), np.empty_like(states), self.state.shape[1]
         out[:k], self.state[-1] = states[k:-1], t
         before, ahead = self.pose[:, :1].copy(), None
@@ -182,8 +181,8 @@ class TracedForward:
 
     def notes(self) -> tuple[str, ...]:
         """Describe how accelerations were computed."""
-        left = f"; {self.by_array} evaluations by the array solver" if self.by_array else ""
+        left = f"; the array solver computed {self.by_array} evaluations" if self.by_array else ""
         return (
-            f"{self.note}accelerations by a program of {self.operations} operations, "
-            f"made in {self.setup:.2g} s of processor time that does not count as integration{left}",
+            f"{self.note}accelerations were computed by a program of {self.operations} operations, "
+            f"whose tracing and compiling took {self.setup:.2g} s of CPU time, not counted as integration{left}",
         )

@@ -1,6 +1,6 @@
 """Time integration in the independent coordinates, with scipy's methods and the accelerations of `equations.forward`.
 
-Traced programs of the same equations answer most states; the array solver answers all other states.
+Traced programs of the same equations evaluate most states, and the array solver evaluates the rest.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ DIFFERENCE = 2.0**-26
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """An integrated motion at the requested times that it reached.
+    """Result of an integration, at the requested times that were reached.
 
     Attributes:
         t: Times [s]. Shape (n,).
         rates: Closed poses and rates at these times.
         energy: Kinetic energy plus energy stored in gravity and springs [J]. Shape (n,).
         work: Work of actuators, motors, loads and dampers since the start [J]. Shape (n,).
-        cost: Cost of the steps, without the output at the requested times.
-        stepped_over: Steps whose size was changed because they met a nearly singular pose.
+        cost: Cost of the steps, excluding the output at the requested times.
+        stepped_over: Number of steps retried with a different size because of a nearly singular pose.
         stopped: Why the motion ended early; empty if it reached the end.
     """
 
@@ -100,7 +100,7 @@ class _Run:
         return np.asarray(self.rates(0.0, state[None], None).joint_velocity[0, columns])
 
     def rates(self, t: float, states: Array, q: Array | None) -> ClosedMotion:
-        """Return closed poses and rates of states (n, 2 k + 1); if `q` is None, the branch finds the poses."""
+        """Return closed poses and rates of states (n, 2 k + 1); without `q`, the poses are found on the branch."""
         k = states.shape[1] // 2
         if q is not None:
             closed = read(self.lay, q[None])
@@ -130,7 +130,7 @@ class _Run:
         return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
-        """Differentiate `slope` by finite differences, with zeros for the work. Shape (2 k + 1, 2 k + 1)."""
+        """Differentiate `slope` by finite differences; the column of the work is zero. Shape (2 k + 1, 2 k + 1)."""
         m = len(state) - 1
         size = DIFFERENCE * np.maximum(np.abs(state[:m]), 1.0)
         around = np.column_stack([state, state[:, None] + np.vstack([np.diag(size), np.zeros(m)])])
@@ -202,12 +202,12 @@ def integrate(
     progress: Progress = quiet,
     traced: TracedForward | None = None,
 ) -> Trajectory:
-    """Integrate a mechanism under given forces from a start that lies on the branch of the home pose.
+    """Integrate the motion of a mechanism under given forces, starting on the branch of the home pose.
 
     Args:
         lay: Layout of the mechanism.
         applied: Applied forces.
-        traced: Programs for the same forces; without programs the array solver answers all states.
+        traced: Programs for the same forces; without them, the array solver evaluates all states.
 
     Raises:
         ScrewgaugeError: The method is unknown, shapes or times are invalid, or the start cannot be reached.

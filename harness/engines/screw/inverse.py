@@ -1,4 +1,4 @@
-"""Given motions of the engine `screw`: runs the solver of `screwgauge.reference` on parts of the trajectory."""
+"""Solves given motions for the engine `screw`, part by part, with the solver of `screwgauge.reference`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _TREE = frozenset({"tree_force", "tree_force_soft"})
 
 
 def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
-    """Solve a given motion: positions, velocities, accelerations and forces."""
+    """Solve a given motion for positions, velocities, accelerations and forces."""
     work, labels = Work(lay, problem), ("screw", __version__, f"rule {problem.rule}")
 
     def part(rows: slice) -> SolvedPart:
@@ -52,11 +52,11 @@ def _stage(name: str) -> str:
 
 
 class Work:
-    """Solver of given motions over arrays, with the data common to all parts.
+    """Array solver for given motions, with the data common to all parts of a motion.
 
     Attributes:
-        mode: Assembly mode, which predicts and closes the poses.
-        clock: Measures the time of the stages.
+        mode: Assembly mode, used to predict and close poses.
+        clock: Measures the time spent in each stage.
     """
 
     def __init__(self, lay: Layout, problem: Problem, clock: Clock | None = None) -> None:
@@ -67,17 +67,17 @@ class Work:
         self.idle, self.resting = undriven_columns(lay, problem)
 
     def predict(self, motion: GivenMotion) -> Poses:
-        """Predict the samples that follow."""
+        """Predict the poses of the next samples."""
         with self.clock.stage("positions"):
             return self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.drive)
 
     def close(self, motion: GivenMotion, poses: Poses) -> Array:
-        """Return joint coordinates of closed poses. Shape (n, n_q)."""
+        """Close predicted poses; return their joint coordinates. Shape (n, n_q)."""
         with self.clock.stage("positions"):
             return self.mode.close(poses)
 
     def with_loads(self, loads: Array | None) -> Work:
-        """Return a copy with the given force and torque of each load at each sample. Shape (6 n_load, n)."""
+        """Return a copy that uses the given force and torque of each load at each sample. Shape (6 n_load, n)."""
         if loads is None:
             return self
         each = np.split(loads.T, len(loads) // 3, axis=1)
@@ -90,7 +90,7 @@ class Work:
         return other
 
     def part(self, motion: GivenMotion, closed: Array) -> SolvedPart:
-        """Compute all requested quantities at closed poses. Shape (n, n_q)."""
+        """Compute all requested quantities at closed poses, given by coordinates `closed`, shape (n, n_q)."""
         values, trust, A = self.evaluate(closed, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
@@ -170,7 +170,7 @@ class Work:
             conditions["reaction"] = np.maximum(at.system.whole_condition, conditions["actuator_force"])
 
     def _with_idle(self, at: Forward, trust: Trust) -> Trust:
-        """Extend the error data with the accelerations of idle coordinates, in which large terms may cancel."""
+        """Account in the error data for accelerations of idle coordinates, in which large terms may cancel."""
         mechanism, sizes, idle, L = self.lay.mechanism, self.loops.sizes, [*at.idle], self.loops.length
         errors = idle_rounding(at) * sizes[mechanism.independent_columns][idle]
         v, w = (np.linalg.norm(part[:, idle], axis=-1) for part in at.partial_motion)

@@ -1,8 +1,8 @@
-"""Machines that differ only in mass properties: forces are linear in ten moments of each body and in joint resistances.
+"""Solves machines that differ only in mass properties: forces are linear in ten moments per body and in resistances.
 
 Moments are mass, mass times centre of mass, and second moments about the body's origin. If a load acts at the centre
 of mass, forces are also linear in the position of that centre. These variables are called features. A program
-evaluates the machine and, for each feature, a neighbouring machine; the results determine a matrix; every variant then
+evaluates the machine and one neighbouring machine per feature. The results determine a matrix, so that every variant
 requires only a matrix product.
 """
 
@@ -21,7 +21,7 @@ from screwgauge.reference.parameters import TENSOR, XYZ, numbers, resisting_join
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.parametric import ClosedSamples, Symbols
 
-#: Number of matrix entries in memory at a time.
+#: Largest number of matrix entries kept in memory at a time.
 HELD = 8_000_000
 #: Parameters of a body, in order.
 ENTRIES = ("mass", *(f"com.{axis}" for axis in XYZ), *(f"inertia.{key}" for key in TENSOR))
@@ -86,8 +86,8 @@ class Matter:
         bodies: Bodies with a changed parameter.
         loaded: Indices of bodies with a load at the centre of mass.
         end: Number of body parameters; parameters of joints follow.
-        resists: Full names of the rotors, damping and friction that change.
-        entries, nominal: Full names and values of ten parameters per body, then of resistances. Shape (E,).
+        resists: Full names of the rotor, damping and friction parameters that change.
+        entries, nominal: Full names and values of ten parameters per body, then of the resistances. Shape (E,).
     """
 
     def __init__(self, machine: NominalMachine, names: Sequence[str], backend: str) -> None:
@@ -130,7 +130,7 @@ class Matter:
         return np.asarray((moments_hold & triangle_holds & some).all(axis=1))
 
     def fill(self, poses: ClosedSamples, p: Array, into: Sequence[Array]) -> None:
-        """Fill in the values of variants; `p` has shape (P, V), each array in `into` shape (n, m, V)."""
+        """Fill in the values of variants; `p` has shape (P, V), and each array in `into` has shape (n, m, V)."""
         change = self.features(self.numbers(p)) - self.features(self.base[None])
         ends = np.cumsum([0, *(array.shape[1] for array in into)])
         for rows, base, matrix in self.parts(poses):
@@ -169,7 +169,7 @@ class Matter:
         return base
 
     def parts(self, poses: ClosedSamples) -> Any:
-        """Yield samples, base values, and derivatives with respect to features. Shapes (n, m), (n, m, n_feature)."""
+        """Yield slices of samples, their base values, (n, m), and derivatives by feature, (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
             return
@@ -182,7 +182,7 @@ class Matter:
             yield rows, base, matrix
 
     def _matrix(self, poses: ClosedSamples, rows: slice) -> tuple[Array, Array]:
-        """Return base values and the matrix, computed from all neighbouring machines as lanes of a program."""
+        """Evaluate all neighbouring machines, one per lane of a program; return base values and the matrix."""
         known = dict(zip(self.entries, self.nominal.tolist(), strict=True))
         if not self._made:
             symbols = self.machine.symbols(known, 0)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from screwgauge.engines.screw.integrate import Trajectory
 
 BACKENDS = ("array", "numpy", "llvm")
-#: Number of samples from which tracing takes less time than it saves, for any built-in mechanism.
+#: Number of samples above which tracing saves more time than it takes, for any built-in mechanism.
 LONG = 2000
 
 
@@ -42,13 +42,13 @@ def load(files: ModelFiles, backend: str | None = None, precision: str = FLOAT64
 
 
 class ScrewModel:
-    """A mechanism with its layout.
+    """A loaded mechanism, its layout, and the settings of its solver.
 
     Attributes:
         backend: Solver of given motions and simulations: ``array``, or a traced program run by ``numpy`` or ``llvm``.
             In simulations ``numpy`` runs the program in Python. The default is ``llvm`` for simulations, ``numpy`` for
             given motions of at least `LONG` samples, and ``array`` for shorter motions.
-        precision: Number type of the program; float32 excludes the backend ``array`` and solves only given motions.
+        precision: Number type of the program; with float32, only given motions are solved, not by backend ``array``.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class ScrewModel:
 
     @property
     def lacks(self) -> dict[str, str]:
-        """Reasons for the quantities that the engine lacks."""
+        """Quantities that the engine does not compute, each with the reason."""
         return {} if self.precision == FLOAT64.name else {"mass_matrix": "programs do not compute mass matrices"}
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
@@ -94,9 +94,9 @@ class ScrewModel:
         traced, notes = self._traced(problem, task)
         path = integrate(self.lay, task, problem.applied, progress, traced)
         reactions = self._reactions(path) if "reaction" in problem.wanted else None
-        over = f", {path.stepped_over} steps resized near singular poses" if path.stepped_over else ""
+        over = f"; {path.stepped_over} steps were resized near singular poses" if path.stepped_over else ""
         notes = (
-            f"independent coordinates integrated, poses followed on one branch{over}",
+            f"the independent coordinates were integrated; poses were followed on one branch{over}",
             *notes,
             *(traced.notes() if traced else ()),
         )
@@ -107,7 +107,7 @@ class ScrewModel:
         return replace(solution, notes=notes)
 
     def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
-        """Return programs for the accelerations, or None and a note on the reason, if any."""
+        """Return a program for the accelerations; without one, None and notes that say why."""
         from screwgauge.engines.screw.forward import TracedForward
 
         if self.backend == "array":
@@ -115,10 +115,10 @@ class ScrewModel:
         try:
             return TracedForward(self.lay, problem, task, self.backend or "llvm"), ()
         except NotTraceableError as error:
-            return None, (f"accelerations by the array solver: {error.what}",)
+            return None, (f"accelerations were computed by the array solver: {error.what}",)
 
     def _joint_accelerations(self, problem: Problem, path: Trajectory) -> tuple[Array, Array]:
-        """Return accelerations of all joints, shape (n, n_q), and condition of the closed loops, shape (n,)."""
+        """Return accelerations of all joints, (n, n_q), and the condition number of the closed loops, (n,)."""
         at, accelerations = path.rates, np.full(path.rates.q.shape, np.nan)
         if (regular := at.condition < linear.SINGULAR).any():
             applied, t = problem.applied, path.t[regular]

@@ -23,7 +23,7 @@ from screwgauge.reference.traced.trace import Scalar
 from screwgauge.reference.traced.tracing import TracedQuantities, quantities
 from screwgauge.scene.scene import Scene
 
-#: Residual that no motion closes above which a parameter removes mobility; rounding leaves 1e-14, a parameter 0.3.
+#: A parameter removes mobility if it causes a larger residual that no motion closes; rounding causes 1e-14.
 COSTS = 1e-9
 
 
@@ -32,7 +32,7 @@ class NominalMachine:
 
     Attributes:
         components: Quantity -> names of its components.
-        anchors: Closed samples of the scene's motion at which pivots are chosen.
+        anchors: Samples of the scene's motion, with closed poses, at which pivots are chosen.
     """
 
     def __init__(self, scene: Scene, wanted: Iterable[str]) -> None:
@@ -114,13 +114,13 @@ class NominalMachine:
 
 
 def stack_inputs(symbols: Symbols, poses: ClosedSamples, numbers: Array) -> Array:
-    """Stack all inputs of a program at closed poses; `numbers` has shape (P,). Shape (inputs, n)."""
+    """Stack all inputs of a program at closed poses; `numbers` has shape (P,), the result shape (inputs, n)."""
     parts = [poses.given, poses.q[:, symbols.predicted], poses.q[:, symbols.near]]
     return np.ascontiguousarray(np.concatenate([*parts, np.tile(numbers, (len(poses.q), 1))], axis=1).T)
 
 
 class Slopes:
-    """Pose derivatives ``dq/dp = -M^-1 dr/dp`` for parameters p, and residuals that no joint motion closes."""
+    """Pose derivatives ``dq/dp = -M^-1 dr/dp`` for parameters p, and the residuals that no joint motion can close."""
 
     def __init__(self, machine: NominalMachine, known: Mapping[str, float]) -> None:
         self.machine, self.names, self.nominal = machine, [*known], np.array([*known.values()])
@@ -156,7 +156,7 @@ class Slopes:
         return self.of(self.machine.anchors)[1]
 
     def costs(self) -> dict[str, float]:
-        """Map each parameter that removes mobility if changed separately to the closure residual that it causes.
+        """Return the closure residual caused by each parameter that removes mobility when it is changed alone.
 
         Residuals are first-order values at samples of the scene's motion [rad or mechanism lengths, per unit of the
         parameter].
@@ -165,7 +165,7 @@ class Slopes:
         return {name: float(x) for name, x in zip(self.names, worst, strict=True) if x > COSTS}
 
     def combinations(self) -> list[dict[str, float]]:
-        """Return combinations of these parameters that preserve mobility to first order, in echelon form."""
+        """Return combinations of the parameters in `costs` that preserve mobility to first order, in echelon form."""
         names = [*self.costs()]
         some = self._openings[..., [self.names.index(name) for name in names]].reshape(-1, len(names))
         values, back = np.linalg.svd(some, full_matrices=True)[1:]

@@ -40,15 +40,15 @@ if TYPE_CHECKING:
 
 #: Safety factor of estimated gains, and approximate dimensionless norm of the closing equations.
 SAFETY, CONDITION = 2.0, 4.0
-#: Closure residual of one row above which Newton's method has not converged, in eps; relative residual allowed in the
-#: balance of all bodies.
+#: Closure residual of one row above which Newton's method has not converged, in eps; and relative residual allowed in
+#: the balance of all bodies.
 ARRIVED, BALANCED = 32, 1e-9
 #: Limit of the largest Newton correction times the gain; below it, Newton's method stays in its assembly mode.
 NEAR = 0.2
 
 
 Numbers = Mapping[str, Scalar]
-"""Checks of a program's samples, see `roots`: nodes of its trace, or arrays of shape (n,)."""
+"""Check -> nodes of a program's trace, or values at all samples, shape (n,), see `roots`."""
 
 
 def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
@@ -57,10 +57,10 @@ def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
 
 
 class Bounds:
-    """Interpreter of a program's outputs: error data, error estimates and doubtful samples.
+    """Derives error data, error estimates and doubtful samples from a program's outputs.
 
     Attributes:
-        weights: A sample may be doubtful if the sum of its checks times these weights exceeds 1.
+        weights: A sample may be doubtful if the sum of its checks, multiplied by these weights, exceeds 1.
     """
 
     def __init__(self, lay: Layout, problem: Problem, length: float, eps: float = linear.EPS) -> None:
@@ -97,7 +97,7 @@ class Bounds:
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
     ) -> tuple[list[Scalar], list[Scalar]]:
-        """Estimate errors of quantities at samples that are not in doubt, for each unit.
+        """Estimate errors of quantities, for each unit, at samples that are not in doubt.
 
         Returns:
             Each value followed by the partial sum of squares up to this value; and the errors.
@@ -157,7 +157,7 @@ def rows_not_finite(values: Mapping[str, Array]) -> Rows:
 
 
 def estimate_errors(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float) -> Array:
-    """Estimate errors like `Bounds.estimated`, but at any samples, including doubtful ones. Shape (n, n_unit)."""
+    """Estimate errors like `Bounds.estimated`, but at all samples, even doubtful samples. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():
         whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
@@ -197,8 +197,8 @@ class Bound:
     Attributes:
         values: Arrays that the program fills, kept alive so that no other arrays take their addresses.
         inputs: Arrays that the program reads. Shape (n, m) each.
-        unseen: All inputs as one array, if a NaN in an input may not show in a residual, as in loads or in y of an open
-            tree. Shape (n, m).
+        unseen: All inputs as one array, or None if every NaN in an input shows in a residual; a NaN in loads, or in y
+            of an open tree, does not. Shape (n, m).
         run: Fills the values; returns whether all are finite and no sample is in doubt.
     """
 
@@ -210,7 +210,7 @@ class Bound:
         self.values, self.inputs, self.unseen, self.run = tuple(values), inputs, unseen, run
 
     def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """Return True if these are the bound output arrays, and the inputs have the bound shapes."""
+        """Return True if `values` are the bound output arrays and `inputs` have the shapes of the bound inputs."""
         alike = [x.shape for x in inputs] == [place.shape for place in self.inputs]
         return alike and all(map(is_, values.values(), self.values))
 
@@ -242,7 +242,7 @@ def runner(
 
 
 def _native(program: Program, dtype: np.dtype[Any]) -> tuple[Native | None, str]:
-    """Return machine code of a program, from disk if cached, and a note; None without a compiler."""
+    """Return a program's machine code, read from disk if cached, and a note; the code is None without a compiler."""
     try:
         from screwgauge.reference.traced import native
 
@@ -268,7 +268,7 @@ class Arcs:
     """
 
     def __init__(self, runners: Sequence[Runner], limits: Sequence[float]) -> None:
-        """Combine runners; `limits` bound the gain check of each runner."""
+        """Combine runners; `limits` holds the largest accepted gain check of each runner."""
         self.runners, self.limits, self.program = runners, limits, runners[0].program
 
     def bind(
@@ -294,7 +294,7 @@ class Arcs:
 
 
 def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:
-    """Solve samples with a different program and keep its values where its gain is smaller; return its gains."""
+    """Solve samples with another program and adopt its values where its gain is smaller; return its gains."""
     out, checks = np.empty((len(outputs), len(rows))), runner.program.checks
     runner.bind([np.array([row[rows] for row in given])], [out])()
     better = ~(outputs[-checks][rows] <= out[-checks])
@@ -312,7 +312,7 @@ def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tup
 
 
 def undriven_columns(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the undriven independent coordinates: idle coordinates, and given coordinates that must rest."""
+    """Return undriven independent coordinates: idle coordinates, and given coordinates that must be at rest."""
     if not isinstance(problem.task, GivenMotion) or not lay.mechanism.actuator_names:
         return (), ()
     idle, k = problem.task.idle, len(lay.mechanism.independent)
@@ -331,12 +331,12 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
     """
     mechanism, undriven = lay.mechanism, sum(map(len, undriven_columns(lay, problem)))
     if ACTUATED & problem.wanted and len(mechanism.actuator_names) < len(mechanism.independent) - undriven:
-        reason = "there are fewer actuators than freedoms"
+        reason = "there are fewer actuators than degrees of freedom"
         raise NotTraceableError(reason, mechanism.name, "use the array solver")
     if "mass_matrix" in problem.wanted:
         raise NotTraceableError("programs do not compute mass matrices", mechanism.name, "use the array solver")
 
 
 def has_contiguous_columns(arrays: Mapping[str, Array]) -> bool:
-    """Return True if the numbers of each column are contiguous."""
+    """Return True if each column of every array is contiguous in memory."""
     return all(array.strides[0] == array.itemsize for array in arrays.values())

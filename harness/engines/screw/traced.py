@@ -1,4 +1,4 @@
-"""Inverse dynamics with a traced program; the array solver answers samples for which the program is in doubt."""
+"""Inverse dynamics with a traced program; samples at which its results are doubtful go to the array solver."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class TracedWork:
     Attributes:
         outputs: Quantities, followed by ``error`` if errors are estimated, see `Bounds.estimated`.
         units: Quantity -> units of its components.
-        note: Remark on the program, empty if none.
-        by_array: Reason -> number of samples that the array solver answered.
+        note: Remark on the program, or an empty string.
+        by_array: Reason -> number of samples that the array solver had to solve.
         traced: The program, if there is one.
     """
 
@@ -71,7 +71,7 @@ class TracedWork:
             loaded: Whether every sample has its own loads, which replace the problem's loads. This is always the case
                 if the problem's loads change over time.
             estimates: Whether errors are estimated, see `Bounds.estimated`.
-            kind: Number type of the program. With a type other than float64, the program also answers doubtful samples.
+            kind: Number type of the program. Only with float64 does the array solver solve doubtful samples again.
 
         Raises:
             ScrewgaugeError: The motion cannot be followed, or no program in float32 covers the problem.
@@ -92,7 +92,7 @@ class TracedWork:
             if kind is not FLOAT64:
                 raise
             self.reason = error.what
-            self.note = f"all samples by the array solver: {error.what}"
+            self.note = f"all samples were solved by the array solver: {error.what}"
 
     def _trace(self, motion: GivenMotion, backend: str, *, loaded: bool) -> None:
         self.bounds = Bounds(self.lay, self.problem, self.length, self.kind.eps)
@@ -134,7 +134,7 @@ class TracedWork:
         return other
 
     def arrays(self, n: int) -> dict[str, Array]:
-        """Allocate arrays for `outputs` of n samples, (n, m) each, contiguous by component."""
+        """Allocate an array (n, m) for each of `outputs` at n samples, with contiguous components."""
         names, errors = self.names(), sum(len({*each}) for each in self.units.values())
         return {name: columns(n, errors if name == "error" else len(names[name][0])) for name in self.outputs}
 
@@ -145,7 +145,7 @@ class TracedWork:
 
         Args:
             guess: Predictions, unless poses have a closed form.
-            loads: Loads of every sample, if they differ. Shape (m, n).
+            loads: Loads at every sample, if these differ between samples. Shape (m, n).
             values: Arrays to fill, see `arrays`.
 
         Returns:
@@ -186,7 +186,7 @@ class TracedWork:
         return reached, checks, self.runner.bind(inputs, outputs, self.bounds.weights)()
 
     def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> Bound | None:
-        """Bind the program to arrays, see `arrays`, and to inputs of these shapes.
+        """Bind the program to output arrays, see `arrays`, and to reusable inputs of the given shapes.
 
         Returns:
             The bound program. None if the program needs predictions, or if the numbers of a component are not
@@ -211,11 +211,11 @@ class TracedWork:
         return self.traced is None or bool(self.traced.predicted or self.traced.near)
 
     def predict(self, motion: GivenMotion) -> Poses | None:
-        """Predict the samples that follow; None if poses have a closed form."""
+        """Predict the poses of the next samples; return None if poses have a closed form."""
         return self.work.predict(motion) if self.guessed else None
 
     def reach(self, motion: GivenMotion) -> Poses | None:
-        """Predict samples in any order; `motion.t` holds the row numbers.
+        """Predict the poses of samples in any order; `motion.t` holds the row numbers.
 
         Raises:
             ClosureError: A sample cannot be reached, or y does not determine its pose.
@@ -240,13 +240,13 @@ class TracedWork:
         *,
         thorough: bool = False,
     ) -> SolvedPart:
-        """Answer samples.
+        """Solve samples with the program, and doubtful samples with the array solver.
 
         Args:
             guess: See `predict`.
-            loads: Force and torque of each load at every sample, if they differ. Shape (m, n).
+            loads: Force and torque of each load at every sample, if they differ between samples. Shape (m, n).
             into: Arrays for the values, see `arrays`.
-            thorough: Whether the array solver answers samples at which a quantity vanishes, see `vanishing_samples`.
+            thorough: Whether the array solver also solves samples where a quantity vanishes, see `vanishing_samples`.
         """
         if loads is None and self.varying is not None:
             loads = _loads(self.varying, motion.t)
@@ -272,7 +272,7 @@ class TracedWork:
         *,
         thorough: bool,
     ) -> SolvedPart:
-        """Answer samples with the program; the part lists the samples left in doubt."""
+        """Solve samples with the program; the returned part lists the samples that remain doubtful."""
         values, n = {name: arrays[name] for name in self.wanted}, len(motion)
         with self.clock.stage("program"):
             out, clear = self._run(traced, motion, guess, np.empty((0, n)) if loads is None else loads, arrays)
@@ -336,12 +336,12 @@ class TracedWork:
         return middle
 
     def notes(self, n: int) -> tuple[str, ...]:
-        """Describe which samples the program and the array solver answered."""
+        """Describe how many samples the program and the array solver solved."""
         if self.traced is None:
             return (self.note,)
         left, reasons = self.by_array.total(), [f"{count} {why}" for why, count in self.by_array.items() if count]
         rest = f", {left} by the array solver ({', '.join(reasons)})" if reasons else ""
-        note = f"{n - left} of {n} samples by a program of {len(self.traced.program.code)} operations{rest}"
+        note = f"{n - left} of {n} samples were solved by a program of {len(self.traced.program.code)} operations{rest}"
         return (note, *filter(None, [self.note]))
 
 
@@ -358,7 +358,7 @@ def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
         NotTraceableError: None of the samples tried is well conditioned.
     """
     some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
-    guess, lost, twice = work.mode.reach(some.y)  # a thousand turns may lie between them
+    guess, lost, twice = work.mode.reach(some.y)  # there may be a thousand turns between samples
     if (reached := np.flatnonzero(~(lost | twice))).size:
         some, guess = some.part(reached), guess.rows(reached)
     else:
@@ -374,12 +374,12 @@ def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
 def solve_traced(
     lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, by: tuple[str, NumberType]
 ) -> Solution:
-    """Solve a given motion with a traced program, if there is one.
+    """Solve a given motion, with a traced program if there is one.
 
     Args:
         by: Backend and number type; float32 provides no error estimate.
     """
-    known, (backend, kind) = replace(problem, wanted=problem.wanted | {"joint_position"}), by  # which assembly it is
+    known, (backend, kind) = replace(problem, wanted=problem.wanted | {"joint_position"}), by  # gives the mode
     work = TracedWork(lay, known, motion, backend, kind=kind)
 
     def part(rows: slice) -> SolvedPart:

@@ -29,13 +29,13 @@ from screwgauge.scene.scene import Scene
 
 #: Largest number of variants processed at a time, and largest number of their values.
 LANES, HELD = 256, 4_000_000
-#: Steps of Newton's method from a prediction: two, or three if more than this fraction of the variants needs them.
+#: Steps of Newton's method from a prediction: two, or three if more than this fraction of the variants needs three.
 STEPS, MANY = (2, 3), 0.2
 #: Number of times that a program continues from its last poses.
 AGAIN = 4
 #: Step above which the next step must be at most a quarter as large; below it, both steps are rounding.
 TESTED, QUARTER = 1e-7, 0.25
-#: Next step below which a pose is closed, and largest residual of all rows [rad or mechanism lengths].
+#: Next step below which a pose counts as closed, and largest residual allowed in any row [rad or mechanism lengths].
 CLOSED, OPEN = 1e-13, 1e-11
 #: Why a variant has no values.
 ROWS_OPEN, NOT_CLOSED, IMPOSSIBLE = "rows open", "does not close", "impossible body"
@@ -57,7 +57,7 @@ class VariantSolution:
     Attributes:
         values: Quantity -> values, NaN for variants without values. Shape (V, n, n_component); statistics have shape
             (V, n_component).
-        why: Reason why a variant has no values, or empty. Shape (V,).
+        why: Reason why each variant has no values, or an empty string. Shape (V,).
     """
 
     values: Mapping[str, Array]
@@ -74,7 +74,7 @@ class _Worst:
         self.following, self.ratio, self.open = np.zeros((3, count))
 
     def meet(self, first: Array, second: Array, step: Array, following: Array, rows: Array) -> None:
-        """Update with the checks of a sample; NaN persists."""
+        """Update the maxima with the checks of a sample; NaN persists."""
         np.maximum(self.following, following, out=self.following)
         np.maximum(self.open, rows, out=self.open)
         for before, after in ((first, second), (step, following)):
@@ -82,7 +82,7 @@ class _Worst:
 
     @property
     def contracts(self) -> NDArray[np.bool_]:
-        """True where each Newton step is much smaller than the last, so the pose stays in its assembly mode."""
+        """True where each Newton step is much smaller than the one before: poses stay in their assembly mode."""
         return self.ratio <= QUARTER**2
 
     @property
@@ -96,7 +96,7 @@ class _Worst:
 
 
 class VariantLanes:
-    """A program bound to buffers of several lanes, one row per number."""
+    """A program bound to buffers, with one row per number and one column per lane."""
 
     def __init__(self, program: Any, symbols: Symbols, lanes: int) -> None:
         sizes = 3 * len(symbols.y) + 1, len(symbols.predicted), len(symbols.near), len(symbols.numbers)
@@ -110,7 +110,7 @@ class Variants:
 
     Attributes:
         names, nominal: Full names of the parameters, and their values in the scene. Shape (P,).
-        quantities, components: Quantities that it computes, and the components of each quantity.
+        quantities, components: Computed quantities, and the components of each.
     """
 
     def __init__(self, scene: Scene, quantities: Iterable[str], parameters: Sequence[str], backend: str) -> None:
@@ -144,7 +144,7 @@ class Variants:
 
     @cached_property
     def can_change_together(self) -> list[dict[str, float]]:
-        """Combinations that preserve mobility; each has a parameter that the others lack, see `Slopes.combinations`."""
+        """Combinations of parameters that preserve mobility, each with a parameter of its own, see `Slopes`."""
         return self._slopes.combinations()
 
     def __call__(
@@ -154,8 +154,8 @@ class Variants:
 
         Args:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
-            parameters: Full name, short name or pattern -> value of the parameters in each variant, shape (V,), or one
-                value for all variants. Parameters not given keep the scene's values.
+            parameters: Full name, short name or pattern -> values of the parameters in all variants, shape (V,), or one
+                common value. Parameters that are not given keep the scene's values.
             t: Times [s]. If given, the rows are a motion, which is followed from the home pose. Shape (n,).
 
         Raises:
@@ -249,7 +249,7 @@ class Variants:
         return (slice(i, min(i + lanes, count)) for i in range(0, count, lanes))
 
     def _fill(self, poses: ClosedSamples, p: Array, into: Sequence[Array], why: Any) -> None:
-        """Fill in values of some variants, and reasons for missing values; each array in `into` has shape (n, m, V)."""
+        """Fill in the values of variants or the reasons why they have none; arrays in `into` have shape (n, m, V)."""
         why[~self._matter.possible(p)] = IMPOSSIBLE
         if all(map(inertial, self.names)):
             self._matter.fill(poses, p, into)
@@ -259,7 +259,7 @@ class Variants:
             array[..., why != ""] = np.nan
 
     def _answer(self, poses: ClosedSamples, p: Array, into: Sequence[Array], why: Any) -> None:
-        """Fill in values with the program; the array solver follows variants that leave the assembly mode."""
+        """Fill in values with the program; the array solver solves variants that leave the assembly mode."""
         left, far = np.flatnonzero(why == ""), list[int]()
         for again in range(AGAIN):
             some = [np.empty((*array.shape[:2], len(left))) for array in into]
@@ -317,7 +317,7 @@ class Variants:
         return ""
 
     def _program(self, steps: int) -> tuple[Symbols, Any]:
-        """Return equations with `steps` Newton steps, and their program: quantities, checks, coordinates."""
+        """Return equations with `steps` Newton steps, and their program for quantities, checks and coordinates."""
         if steps not in self._programs:
             symbols = self._machine.symbols(self._known, steps)
             outputs = [*self._machine.outputs(symbols), *symbols.checks(), *symbols.reached]
@@ -336,7 +336,7 @@ class Variants:
 
     @cached_property
     def _pull(self) -> tuple[Symbols, Any]:
-        """The program of the gradient at closed poses; weights are its last inputs."""
+        """Equations and program for the gradient at closed poses; the weights are the last inputs."""
         symbols = self._machine.symbols(self._known, 0)
         values = self._machine.outputs(symbols)
         weights = [symbols.trace.input(np.ones(len(self._machine.anchors))) for _ in values]
