@@ -1,4 +1,4 @@
-"""Assembly of a `Solution` from successively computed parts of a trajectory."""
+"""Assemble a `Solution` from parts of a trajectory that are solved one after another."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def assemble(
     Args:
         labels: Engine, version, setting.
         n: Number of samples.
-        solve_part: Solves the rows of a part.
+        solve_part: Solves the samples in a slice.
         names: Called after the last part; returns the components of each quantity.
         size: Length and mass of the mechanism [m, kg].
-        at_once: Number of samples in a part.
+        at_once: Number of samples per part.
     """
     parts: list[SolvedPart] = []
     for first in range(0, n, at_once):
@@ -59,11 +59,11 @@ def assemble(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion:
-    """Motion in the description's joint coordinates at m states.
+    """Motion at m states, in the joint coordinates of the description.
 
     Attributes:
         q, v, a: Unwrapped coordinates, rates, accelerations [rad or m, per s, per s^2]. Shape (m, n_q).
-        condition: Condition number of the closed loops with the selection of the independent coordinates. Shape (m,).
+        condition: Condition number of the closing equations for the chosen independent coordinates. Shape (m,).
     """
 
     q: Array
@@ -81,7 +81,7 @@ class JointMotion:
         stopped: str = "",
         reactions: Values | None = None,
     ) -> Solution:
-        """Convert to a solution at the requested times, with NaN beyond the last grid time that the motion reached.
+        """Convert to a solution at the requested times, with NaN after the last grid time that the motion reached.
 
         Args:
             labels: Engine, version, setting.
@@ -112,7 +112,7 @@ class JointMotion:
         if reactions is not None:
             values["reaction"] = replace(reactions, array=filled(reactions.array))
         seconds = {"integration": cost.wall_s, "integration, processor time": cost.cpu_s}
-        covers = "one integration from start to end, without loading and output"
+        covers = "one integration from start to end, excluding loading and output"
         return Solution(
             engine=engine,
             version=version,

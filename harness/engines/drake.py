@@ -1,4 +1,4 @@
-"""The engine `drake`, for given motions: Drake computes the URDF's open tree, and shared code closes the loops."""
+"""The engine `drake` solves given motions: Drake evaluates the URDF's open tree, and shared code closes the loops."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class DrakeTree(kit.OpenTree):
             yield i
 
     def poses(self, q: Array) -> kit.BodyPoses:
-        """Compute poses, and screws from Drake's Jacobians at the world origin."""
+        """Compute the body poses, and the joint screws at the world origin from Drake's Jacobians."""
         shape, world = (len(q), len(self.links) + 1), self.plant.world_frame()
         R, p, screws = np.tile(np.eye(3), (*shape, 1, 1)), np.zeros((*shape, 3)), np.zeros((len(q), 6, q.shape[1]))
         moves = np.zeros((shape[1], q.shape[1]))
@@ -91,7 +91,7 @@ class DrakeTree(kit.OpenTree):
         return kit.BodyPoses(R, p, screws, moves)
 
     def bias(self, at: kit.BodyPoses, q: Array, v: Array, V: Array) -> Array:
-        """Compute body accelerations at constant velocities."""
+        """Compute the body accelerations for zero joint accelerations."""
         A = np.zeros_like(V)
         for i in self._at(q, v):
             moved = self.plant.CalcSpatialAccelerationsFromVdot(self.context, np.zeros_like(v[i]))
@@ -100,7 +100,7 @@ class DrakeTree(kit.OpenTree):
         return A
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        """Compute inverse dynamics of the open tree, plus the armatures that a URDF cannot express."""
+        """Compute the inverse dynamics of the open tree, and add the rotor inertias that a URDF cannot express."""
         tau = np.empty_like(q)
         for i in self._at(q, v):
             weights = MultibodyForces(self.plant)
@@ -109,9 +109,9 @@ class DrakeTree(kit.OpenTree):
         return tau + self.rotors * a
 
     def transmitted(self, at: kit.BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """Compute joint wrenches with the Newton-Euler equations from the tips inwards.
+        """Compute the joint wrenches with the Newton-Euler equations, inwards from the tips.
 
-        Drake's own reactions need its forward dynamics, which is singular if composite joints have massless crosses.
+        Drake computes reactions by its forward dynamics, which are singular if composite joints have massless crosses.
         """
         V = at.velocities(v)
         A = self.bias(at, q, v, V) + at.velocities(a)

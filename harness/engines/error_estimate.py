@@ -1,13 +1,13 @@
-"""Error estimates: trustworthy accuracy of each quantity of an engine at each sample.
+"""Estimate the error of each quantity that an engine computes, at each sample.
 
 Loops close only up to rounding, eps in each closing equation. This moves the unknowns by up to g eps, where g is the
-norm of the dimensionless inverse of the closing system. It changes the rates, solved with a matrix at that pose, by up
-to g^2 eps, and the accelerations, which contain the rates, by up to g^3 eps. Measurements on the 3-UPS-UPU-S, at
-distances of 1e-1 to 1e-12 from b = 0.3568 rad, show that engines with projection lose exactly these digits, and that
-their forces lose the digits of the inertial part. Powers of g overstate the loss if loads are heavy and the motion is
-slow. Ill-conditioned samples are therefore solved again rather than extrapolated: the pose is perturbed by about the
-rounding error, once in the worst direction and once in a generic one, and the results are compared. Well-conditioned
-samples use the powers, which take no extra time.
+norm of the inverse of the dimensionless closing system. The error of the pose changes the rates by up to g^2 eps,
+because their matrix depends on the pose, and the accelerations, which depend on the rates, by up to g^3 eps.
+Measurements on the 3-UPS-UPU-S, at distances of 1e-1 to 1e-12 from b = 0.3568 rad, show that engines with projection
+lose exactly these digits, and that their forces lose as many digits as the inertial terms. Powers of g overstate the
+loss if loads are heavy and the motion is slow. Ill-conditioned samples are therefore solved again rather than
+extrapolated: the pose is perturbed by about the rounding error, once in the worst direction and once in a generic one,
+and the results are compared. For well-conditioned samples the powers are used, which take no extra time.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import Scalar, apply
 from screwgauge.solution import Clock, Error, Values
 
-#: Norms of the inverse above which a sample is solved again instead of extrapolated. Force systems are larger: their
-#: condition numbers reach a thousand in regular poses.
+#: Norms of the inverse above which a sample is solved again instead of extrapolated. The limit for force systems is
+#: larger because their condition numbers reach a thousand in regular poses.
 CLEAR, CLEAR_FORCES = 30.0, 1e4
-#: Ratio of the worst case to the larger change over the two perturbed poses.
+#: Assumed ratio of the worst error to the larger of the changes at the two perturbed poses.
 SAFETY = 4.0
-#: Fraction of the tolerance from which powers of the gain overestimate errors of zero values.
+#: Values that vanish are solved again if powers of the gain exceed this fraction of the tolerance.
 SHARE = 0.01
 
 Units = Mapping[str, Sequence[str]]
@@ -47,18 +47,18 @@ class Trust:
 
     Attributes:
         condition: Condition number of the closing system. Shape (n,).
-        gain: Norm of the inverse of the dimensionless closing system: for the worst loop, made dimensionless with this
-            loop's length, or for all loops together, with the mechanism's length, see `stretch`. Shape (n,).
-        charts: Condition number of the charts of cut joints, 1 at best; affects joint coordinates only. (n,).
+        gain: Norm of the inverse of the dimensionless closing system, either of the worst loop, scaled by the length of
+            that loop, or of all loops together, scaled by the length of the mechanism; see `stretch`. Shape (n,).
+        charts: Condition number of the cut joints' angle charts, at least 1; affects only joint coordinates. (n,).
         forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
         speed: Largest rate, in rad/s or mechanism lengths per s. Shape (n,).
-        rush: Acceleration scale: the largest acceleration or the square of `speed`. Shape (n,).
+        rush: Acceleration scale: the largest acceleration or the square of `speed`, whichever is larger. Shape (n,).
         load: Largest force term [N]; terms may cancel. Shape (n,).
         open: Loop residuals beyond rounding, dimensionless. Shape (n,).
         rushes: Quantity -> acceleration scale that replaces `rush` for a quantity whose accelerations have larger
             terms. (n,).
-        stretch: If gains are per loop: rounding of a closing equation relative to the shortest loop, divided by
-            rounding relative to the mechanism. (n,).
+        stretch: Length of the mechanism divided by the length of the shortest loop, if gains are those of single
+            loops; otherwise 1. (n,).
     """
 
     condition: Array
@@ -74,7 +74,7 @@ class Trust:
 
     @classmethod
     def unknown(cls, n: int) -> Trust:
-        """Build a `Trust` for n samples without any information."""
+        """Build a `Trust` for n samples of unknown accuracy."""
         return cls(*np.full((3, n), np.nan))
 
     def doubtful(self, slack: float = 1.0) -> Rows:
@@ -86,7 +86,7 @@ class Trust:
         return rows
 
     def with_rows(self, rows: Rows, other: Trust) -> Trust:
-        """Return a copy in which some samples have the data of a different solution."""
+        """Return a copy that takes the data of some samples from a different solution."""
 
         def merged(mine: Array | float, others: Array | float) -> Array:
             both = mine + np.zeros(len(self.condition))
@@ -112,13 +112,13 @@ class Trust:
         return self.rushes.get(quantity, self.rush)
 
     def of(self, quantity: str) -> Array:
-        """Return the condition number of the systems from which a quantity was solved."""
+        """Return the largest condition number of the systems solved for a quantity."""
         condition = np.maximum(self.condition, self.forces.get(quantity, 0.0))
         return np.maximum(condition, self.charts) if quantity in OF_JOINTS else condition
 
 
 def worst_of(some: Mapping[str, Array], others: Mapping[str, Array]) -> dict[str, Array]:
-    """Merge condition numbers of quantities, taking the maximum. Shape (n,) each."""
+    """Merge two tables of condition numbers by quantity; take the maximum, of shape (n,), if both have a quantity."""
     return {**some, **{name: np.maximum(number, some.get(name, 1.0)) for name, number in others.items()}}
 
 
@@ -130,7 +130,7 @@ class SolvedPart:
         values: Quantity -> values. Shape (n, m).
         trust: Condition numbers; errors are not estimated if its `gain` is NaN at all samples, as in `Trust.unknown`.
         doubtful: Samples that were solved again.
-        moved: Quantity -> change in the components at these samples. Shape (n_doubtful, m).
+        moved: Quantity -> largest change in the components between these solutions. Shape (n_doubtful, m).
         q: All joint coordinates [rad or m], shape (n, n_q); None if unknown.
     """
 
@@ -142,13 +142,13 @@ class SolvedPart:
 
 
 def perturbations(A: Array, k: int) -> list[Array]:
-    """Return two perturbations of the unknowns by rounding errors: in the most sensitive and in a generic direction.
+    """Return two perturbations as large as rounding errors, in the most sensitive and in a generic direction.
 
     Args:
         A: Dimensionless closing system. Its last k rows select y and are exact. Shape (n, m + k, n_unknown).
 
     Returns:
-        Two arrays of shape (n, n_unknown).
+        Two arrays of changes in the unknowns, each of shape (n, n_unknown).
     """
     inverse = np.linalg.pinv(A, rcond=1e-16)
     worst = np.argmax(np.linalg.norm(inverse, axis=2), axis=1)
@@ -176,7 +176,7 @@ def examine_part(
         A, k: As for `perturbations`.
         units, length: As for `vanishing_samples`.
         again: Solves samples with perturbed unknowns: rows, (n_row, n_unknown) -> quantity -> (n_row, m).
-        clock: Counts all work as the stage "error estimate".
+        clock: Attributes all time spent here to the stage "error estimate".
     """
     with clock.stage("error estimate"):
         spent = dict(clock.spent)
@@ -198,11 +198,11 @@ def examine_part(
 
 
 def vanishing_samples(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
-    """Choose representative samples to solve again where the values in one unit vanish relative to their terms.
+    """Choose samples to solve again for quantities that vanish, in one of their units, relative to their terms.
 
-    Values whose terms cancel are measured by these terms, which may be a million times the comparison scale. Powers of
-    the gain ignore cancellation and would then allow far too large errors. One sample represents all samples with
-    smaller powers, see `absolute_error`.
+    If terms cancel, their size, which may be a million times the comparison scale, would serve as the scale of the
+    error. Powers of the gain ignore cancellation and would then give estimates that are far too large. One sample
+    represents all samples with smaller powers, see `absolute_error`.
 
     Args:
         values: Quantity -> shape (n, m).
@@ -223,10 +223,10 @@ def vanishing_samples(values: Mapping[str, Array], trust: Trust, units: Units, l
 def by_unit(
     name: str, array: Array, units: Sequence[str], trust: Trust, length: float
 ) -> Iterator[tuple[str, list[int], Array, Array, Array]]:
-    """Yield each unit of a quantity with its columns and three sizes at each sample.
+    """Yield each unit of a quantity, the columns that have it, and three magnitudes per sample, in this unit.
 
-    The first size covers only the values in this unit. The second adds their terms, except for inertias, and the third
-    adds the terms to the values in all units.
+    The first is the largest value in this unit. The second adds the magnitude of the terms that sum to these values.
+    The third adds these terms to the largest value in any unit. For inertias, the second equals the third.
     """
     whole = np.abs(array / [arm(unit, length) for unit in units]).max(axis=1, initial=0.0)
     for unit in dict.fromkeys(units):
@@ -247,8 +247,8 @@ def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float,
         length, mass: Length and mass of the mechanism [m, kg].
 
     Returns:
-        The error, scaled by at least `FLOOR` times the natural magnitude. The absolute error of each unit is the
-        largest at any sample, limited to the tolerance of the largest term.
+        The scaled error of each sample; the scale is at least `FLOOR` times the natural magnitude. The absolute error
+        in each unit is the maximum over the samples, limited to the tolerance times the largest term.
     """
     lost, worst, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
     natural, numbers = scales_of(length, mass), [np.nan_to_num(x.values[name], posinf=np.inf) for x in parts]
@@ -281,7 +281,7 @@ def absolute_error(name: str, part: SolvedPart, local: Array, columns: Sequence[
 
     Args:
         local: Magnitude of the components' terms. Shape (n,).
-        zero: Whether the components vanish relative to these terms. The largest error of the samples solved again then
+        zero: True if the components vanish relative to these terms. The largest error of the samples solved again then
             limits the errors of samples with smaller powers.
 
     Returns:
@@ -307,7 +307,7 @@ def by_powers(name: str, trust: Trust) -> Scalar:
 
 
 def amplification(name: str, trust: Trust) -> Scalar:
-    """Return the amplification of rounding in a well-conditioned sample."""
+    """Return the factor by which rounding errors grow in a well-conditioned sample."""
     g = apply("max", trust.gain, 1.0)
     if name in OF_JOINTS:
         g = apply("max", g, trust.charts)

@@ -19,12 +19,13 @@ from screwgauge.plugins import Array
 #: Translations and rotations along x, y and z that a joint locks between its two frames, see `ExudynSystem._join`.
 LOCKED = {"R": "111110", "fixed": "111110", "C": "110110", "P": "110111", "E": "001110", "U": "111100", "S": "111000"}
 LOCKED |= {"F": "000000"}
-#: Finite-difference weights of points along a line: exact for polynomials up to degree six; constraints have less.
+#: Finite-difference weights of points along a line: exact for polynomials up to degree six; constraints are of lower
+#: degree.
 STENCIL = ((1, 45), (2, -9), (3, 1), (-1, -45), (-2, 9), (-3, -1))
 
 
 def load(files: kit.ModelFiles, integrator: str = "", dt: float = 0.0) -> ExudynModel:
-    """Load a description; with `integrator`, an EXUDYN solver type, the model can integrate with step `dt` [s]."""
+    """Load a description. A model with an `integrator`, an EXUDYN solver type, can also simulate with step `dt` [s]."""
     return ExudynModel(kit.load_mechanism(files.model), str(files.model), integrator, dt)
 
 
@@ -53,7 +54,7 @@ class ExudynSystem(kit.Stepped):
 
     Attributes:
         home: x at the home pose. Shape (n_x,).
-        kept: Algebraic equations used as gaps: the norm of the Euler parameters of each body, then the joints' gaps.
+        kept: Indices of the equations used as gaps: the norm of each body's Euler parameters, then the joints' gaps.
         rows: Indices of the gaps of each joint.
     """
 
@@ -81,7 +82,7 @@ class ExudynSystem(kit.Stepped):
         self.settings.linearSolver.solverType = exu.LinearSolverType.EigenDense  # accepts redundant constraints
         self.settings.linearSolver.ignoreSingularJacobian = True
         self.solver.InitializeSolver(self.mbs, self.settings)
-        # the function for total coordinates frees foreign memory for more than a hundred coordinates (1.13.6)
+        # with more than a hundred coordinates, the function for total coordinates frees memory it does not own (1.13.6)
         self.home = np.array(self.mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference))
         self.kept, self.rows, L = [*range(bodies)], list[list[int]](), kit.length(mechanism)
         for number, locked in joints:
@@ -98,7 +99,7 @@ class ExudynSystem(kit.Stepped):
         return int(self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=number, localHT=frame)))
 
     def _join(self, joint: kit.Joint) -> tuple[int, list[int]]:
-        """Add a joint between frames whose z is its last axis; return the object's index and the locked axes."""
+        """Add a joint between frames that have its last axis as z; return the object's index and the locked axes."""
         z, locked = joint.axes[-1], [int(on) for on in LOCKED[joint.kind]]
         y = joint.axes[0] if len(joint.axes) == 2 else np.linalg.svd(z[None])[2][1]  # parent's y stays orthogonal to z
         frame = np.stack([np.cross(y, z), y, z], axis=1)
@@ -129,7 +130,7 @@ class ExudynSystem(kit.Stepped):
         return kit.Placement(*kit.absolute_poses(parts), gaps, G)
 
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Return second derivatives of the gaps at constant rates, and zero body accelerations, since E(e') e' = 0."""
+        """Return the gaps' second derivatives at constant rates, and zero body accelerations, since E(e') e' = 0."""
         out = np.empty((len(x), len(self.kept)))
         for i, (at, v) in enumerate(zip(x, xd, strict=True)):
             h = 0.2 / max(float(np.abs(v).max()), 1e-9)
@@ -156,7 +157,7 @@ class ExudynSystem(kit.Stepped):
         self.mbs.systemData.SetODE2Coordinates_t(xd, exu.ConfigurationType.Initial)
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Take steps with EXUDYN's own integrator."""
+        """Take n steps with EXUDYN's own integrator."""
         how, kind = self.settings.timeIntegration, getattr(exu.DynamicSolverType, self.integrator)
         how.startTime, how.endTime, how.numberOfSteps = t, t + n * h, n
         try:

@@ -1,4 +1,4 @@
-"""Features of mechanisms and scenes that an engine may lack, and the message that rejects them."""
+"""Features of mechanisms and scenes that an engine may not support, and the message that rejects them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TASKS = {
 
 
 def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
-    """Return feature -> first owner, for the features of a mechanism and its applied forces."""
+    """Return feature -> the first joint or coordinate with it, or the scene, for a mechanism and its applied forces."""
     found: dict[str, str] = {}
     for joint in mechanism.joints:
         found.setdefault(joint.kind, f"joint {joint.name}")
@@ -50,7 +50,7 @@ def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
 
 
 def refusal(engine: Engine, mechanism: Mechanism, applied: Applied) -> str:
-    """Return a message about the first feature that an engine lacks; empty if the engine supports all."""
+    """Return a message about the first feature that an engine does not support; empty if it supports all features."""
     for feature, whose in features(mechanism, applied).items():
         if why := engine.refuses.get(feature):
             return f"{engine.name} does not support {FEATURES[feature]} ({whose}): {why}"

@@ -1,4 +1,4 @@
-"""Applied forces except gravity: loads, springs, dampers, motors, and rotors, damping and friction of joints.
+"""Applied forces except gravity: loads, springs, dampers, motors, and the rotors, damping and friction of joints.
 
 `forces_at_joints` and `wrenches_on_bodies` compute them for many samples or for one state. `acting` sums them into
 wrenches on bodies and forces along joint coordinates; tree engines use their own conversion.
@@ -18,26 +18,26 @@ from screwgauge.reference.resistance import LOSSES, REST, Resistance, resistance
 from screwgauge.reference.rotations import Array, cross, times
 
 BodyMotion = Callable[[int], tuple[Array, Array, Array]]
-"""Body (ground is 0) -> its R (..., 3, 3), p (..., 3) and twist (..., 6): angular, then linear at its origin."""
+"""Index of a body, 0 for ground -> R (..., 3, 3), p (..., 3), twist (..., 6): angular velocity, then the origin's."""
 
 Coordinate = Callable[[str], tuple[Array | float, Array | float]]
 """Joint coordinate -> its value and rate. Shape (...)."""
 
 LoadPoint = Callable[[Load], Array]
-"""Point of its body at which a load acts [m]. Shape (3,)."""
+"""Load -> point of the body at which it acts [m]. Shape (3,)."""
 
 
 def forces_at_joints(
     applied: Applied, resist: Sequence[Resistance], t: Array | float, read: Coordinate
 ) -> Iterator[tuple[str, Array, Array]]:
-    """Yield forces of motors, of springs and dampers at joints, and of resisting joints.
+    """Yield the forces of motors, of springs and dampers at joints, and of damping and dry friction.
 
     Args:
         t: Times [s]. Shape (...).
-        resist: Damping and dry friction; the engine itself includes rotors.
+        resist: Damping and dry friction of the joints; engines include rotors themselves.
 
     Yields:
-        Coordinate, force along it [N or N m], and input power, excluding stored energy [W]. Shape (...) each.
+        Coordinate, the force along it [N or N m], and its power, excluding the change in stored energy [W]; both (...).
     """
     for motor in applied.motors:
         force = motor.force(t)
@@ -55,14 +55,15 @@ def forces_at_joints(
 def wrenches_on_bodies(
     applied: Applied, index: Mapping[str, int], load_point: LoadPoint, t: Array | float, body: BodyMotion
 ) -> Iterator[tuple[int, Array, Array, Array]]:
-    """Yield wrenches of loads, and of springs and dampers between points of bodies.
+    """Yield the wrenches that loads, and springs and dampers between body points, exert on the bodies.
 
     Args:
         index: Body -> its index, 0 for ground.
         t: Times [s]. Shape (...).
 
     Yields:
-        Body, force, and moment about its origin, shape (..., 3) each; input power, excluding stored energy [W], (...).
+        Index of the body, the force, and the moment about the body's origin, both (..., 3); their power, excluding the
+        change in stored energy [W], (...).
     """
     for load in applied.loads:
         i, now = index[load.body], load.at(t)
@@ -76,7 +77,7 @@ def wrenches_on_bodies(
 
 
 def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
-    """Return the force absorbed by a rotor, damper or dry friction along its coordinate [N or N m]. Shape (...)."""
+    """Return the force needed to overcome a rotor, damper or dry friction along its coordinate [N or N m]. (...)."""
     if one.what == "friction":
         return one.amount * np.sign(rate) * (np.abs(rate) > REST)
     return one.amount * np.asarray(rate if one.what == "damping" else acceleration)
@@ -85,7 +86,7 @@ def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Ar
 def _pull(
     spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]]
 ) -> Iterator[tuple[int, Array, Array, Array]]:
-    """Yield the tension of a point spring on both bodies, see `wrenches_on_bodies`."""
+    """Yield the wrenches of a point spring on its two bodies, see `wrenches_on_bodies`."""
     arms = [times(R, point) for _, R, _, _, point in ends]
     first, second = (p + arm for (_, _, p, _, _), arm in zip(ends, arms, strict=True))
     u, v = (V[..., 3:] + cross(V[..., :3], arm) for (_, _, _, V, _), arm in zip(ends, arms, strict=True))
@@ -105,11 +106,11 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[Array, Array]:
-    """Return wrenches on bodies and forces along joints, without gravity and rotors; no force is in both parts.
+    """Return wrenches on bodies and forces along joints, excluding gravity and rotors; no force appears in both.
 
     Args:
         t: Times [s]. Shape (n,).
-        joints: Poses with their joint coordinates.
+        joints: Body poses with their joint coordinates.
         V: Twist of each body: angular velocity, then velocity of its origin. Shape (n, n_body + 1, 6).
 
     Returns:
@@ -129,7 +130,7 @@ def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[
 
 
 def along_joints(applied: Applied, t: Array, joints: JointReading, V: Array) -> Array:
-    """Return forces of motors, springs, dampers and friction along joints [N or N m], see `acting`. (n, n_q)."""
+    """Return the forces of motors, springs, dampers and friction along joints [N or N m], see `acting`. (n, n_q)."""
     mechanism, q, qd = joints.mechanism, joints.q, joints.rates(V)
     column, out = {name: i for i, name in enumerate(mechanism.coordinates)}, np.zeros_like(q)
     losses = resistances(mechanism.joints, LOSSES)
@@ -153,7 +154,7 @@ def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
 
 
 def load_point(mechanism: Mechanism, load: Load) -> Array:
-    """Return the body point of a load [m], by default the centre of mass or, for ground, the origin. Shape (3,)."""
+    """Return the body point of a load [m]; the default is the centre of mass or, for ground, the origin. Shape (3,)."""
     if load.point is not None:
         return load.point
     i = mechanism.body_index[load.body]

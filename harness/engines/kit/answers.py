@@ -1,4 +1,4 @@
-"""Answers: quantities of a closed motion, named and assembled part by part."""
+"""Compute the quantities of a closed motion, name their components, and assemble a solution part by part."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def inertia_values(closed: ClosedMotion, M: Array) -> dict[str, Array]:
 
 
 def inertia(closed: ClosedMotion, M: Array) -> Array:
-    """Project an engine's mass matrix, without rotors, on the independent coordinates.
+    """Project an engine's mass matrix, which excludes rotors, onto the independent coordinates, and add the rotors.
 
     Shape (n, n_x, n_x) -> (n, k, k).
     """
@@ -95,8 +95,8 @@ def answer(
 
     Args:
         labels: Name and version of the engine, and a description of its method and settings.
-        solve_part: Solves the parts of the motion in order, given the applied forces at the samples of the part.
-            Quantities that are not requested are dropped.
+        solve_part: Solves one part of the motion, given its applied forces; called for all parts in order. Quantities
+            that are not requested are dropped.
         clock: Measures the engine's stages.
     """
 

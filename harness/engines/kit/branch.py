@@ -1,4 +1,4 @@
-"""Closed poses of a motion, followed from the home pose, for engines whose unknowns are all joint coordinates.
+"""Follow the closed poses of a motion from the home pose, for engines whose unknowns are all joint coordinates.
 
 Poses are predicted along the tangent and closed with Newton's method. Steps are halved until two neighbouring poses
 verifiably lie on the same branch. No code is shared with the continuation of `screw` and of tree engines.
@@ -28,8 +28,8 @@ Gaps = Callable[[Array], tuple[Array, Array]]
 """Joint coordinates (n, n_q) -> residuals of loops and couplings, (n, m), and their derivatives, (n, m, n_q)."""
 
 Solve = Callable[[Array, GivenMotion, Applied], tuple[dict[str, Array], dict[str, Array]]]
-"""Joint coordinates (n, n_q), motion and applied forces -> quantities, (n, m) each, and condition numbers (n,) for the
-quantities that are solved from more than closed poses.
+"""Joint coordinates (n, n_q), motion and applied forces -> quantities (n, m), and condition numbers (n,) for those
+quantities that require the solution of further equations at the closed poses.
 """
 
 # Angles are in rad and distances in mechanism lengths wherever these constants are used.
@@ -39,7 +39,7 @@ STEPS, SMALL, FAR = 12, 1e-8, 10.0
 OPEN, SINGULAR = 1e-10, 1e12
 #: Fraction of a step by which a pose may miss the tangents at both ends, allowance for rounding, and longest step.
 BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
-#: Largest number of samples tried at a time, and of halvings of the path to a sample.
+#: Largest number of samples tried at a time; how often the step to a sample may be halved.
 MANY, HALVINGS = 256, 17
 
 
@@ -51,8 +51,8 @@ class Branch:
 
         Args:
             gaps: Residuals of loops and couplings, which may be redundant.
-            angular: Whether each gap is an angle. Shape (m,).
-            points: Named points, whose velocities are components of a quantity.
+            angular: True for gaps that are angles. Shape (m,).
+            points: Named points, whose velocities are components of the quantity `jacobian`.
         """
         self._gaps, self._columns, self._length = gaps, mechanism.independent_columns, length(mechanism)
         self._component_units = {name: units for name, (_, units) in described(mechanism, points).items()}
@@ -78,11 +78,11 @@ class Branch:
         return np.concatenate(parts)
 
     def system(self, q: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Return the closing system at poses, with the rows of y last.
+        """Invert the closing system at given poses; its last rows select y.
 
         Returns:
-            Least-squares inverse of the system for the coordinates, (n, n_q, m + k); dimensionless condition number,
-            (n,); residuals of gaps and of y, (n, m + k).
+            Least-squares inverse, (n, n_q, m + k); condition number of the dimensionless system, (n,); residuals of
+            the gaps and of y, (n, m + k).
         """
         A, missed = self._matrix(q, y)
         with np.errstate(all="ignore"):
@@ -121,7 +121,7 @@ class Branch:
             return A * self._sizes / self._units[:, None], missed
 
     def _go(self, motion: GivenMotion, t: float, y: Array, halvings: int = 0) -> None:
-        """Move to a pose, halving the step if necessary; intermediate poses follow the motion's curve if known."""
+        """Move to a pose, halving the step if necessary, along the curve of the motion if it is known."""
         if len(self._link(np.array([t]), y[None])):
             return
         if halvings == HALVINGS:
@@ -135,7 +135,7 @@ class Branch:
         self._go(motion, t, y, halvings + 1)
 
     def _link(self, t: Array, y: Array) -> Array:
-        """Return the leading poses whose steps are short and agree with the tangents at both ends."""
+        """Return the poses before the first whose step is long or disagrees with the tangents at its ends."""
         q, K, good = self._newton(self._q + (self._K @ (y - self._y)[..., None])[..., 0], y)
         K, way = np.concatenate([self._K, K]), np.diff(np.concatenate([self._y[None], y]), axis=0)[..., None]
         step = np.diff(np.concatenate([self._q, q]), axis=0)
@@ -148,10 +148,10 @@ class Branch:
         return q[:count]
 
     def _newton(self, q: Array, y: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Close poses with Newton's method until a step is small; the remaining error is about the step squared.
+        """Close poses with Newton's method until a step is small; the error left is about the square of that step.
 
         Returns:
-            Coordinates, tangents, and flags of regular closed poses. Shapes (n, n_q), (n, n_q, k), (n,).
+            Coordinates, tangents, and True for regular closed poses. Shapes (n, n_q), (n, n_q, k), (n,).
         """
         k, K, step = y.shape[1], np.zeros((*q.shape, y.shape[1])), np.zeros_like(q)
         good, rows, size = np.zeros(len(q), dtype=bool), np.arange(len(q)), np.full(len(q), np.inf)

@@ -1,4 +1,4 @@
-"""Closed poses, velocities and accelerations of a given motion, for engines with coordinates of their own.
+"""Compute closed poses, velocities and accelerations of a given motion, for engines with their own coordinates.
 
 An engine supplies the body poses and the constraint residuals at its coordinates. Joint coordinates that a motion
 prescribes, or that couplings relate, become further unknowns, because body poses do not show full turns.
@@ -29,7 +29,7 @@ class Placement:
 
     Attributes:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        T: Twist of each body (angular velocity, then velocity of its origin) per rate of x.
+        T: Twist of each body (angular velocity, then velocity of its origin) per unit rate of x.
             Shape (n, n_body + 1, 6, n_x).
         gaps: Residual of each constraint except couplings [m or rad]. Shape (n, m).
         G: Derivative of the gaps with respect to x. Shape (n, m, n_x).
@@ -48,7 +48,7 @@ Place = Callable[[Array], Placement]
 
 @dataclass(frozen=True, eq=False)
 class ClosedMotion:
-    """Samples of a given motion with closed loops.
+    """Samples of a given motion at which the loops are closed.
 
     Attributes:
         x: Coordinates of the engine. Shape (n, n_x).
@@ -58,7 +58,7 @@ class ClosedMotion:
             the poses, of the couplings and of y, with respect to x and the s further unknowns.
             Shape (n, m + s + c + k, n_x + s).
         units, rows: Units of the system's columns and rows. Shapes (n_x + s,), (m + s + c + k,).
-        tracked: Joint coordinates that are further unknowns.
+        tracked: Indices of the joint coordinates that are further unknowns.
     """
 
     mechanism: Mechanism
@@ -78,7 +78,7 @@ class ClosedMotion:
 
     @property
     def inverse(self) -> Array:
-        """Inverse of the closing system, with dimensions. Shape (n, n_x + s, m + s + c + k)."""
+        """Inverse of the closing system in physical units. Shape (n, n_x + s, m + s + c + k)."""
         return self._inverted[0]
 
     @property
@@ -88,7 +88,7 @@ class ClosedMotion:
 
     @property
     def A(self) -> Array:
-        """Closing system with dimensions, without rows of y. Shape (n, m + s + c, n_x + s)."""
+        """Closing system in physical units, except the rows of y. Shape (n, m + s + c, n_x + s)."""
         m = len(self.rows) - self.task.y.shape[1]
         return np.asarray(self.system[:, :m] * self.rows[:m, None] / self.units)
 
@@ -99,12 +99,12 @@ class ClosedMotion:
 
     @cached_property
     def K(self) -> Array:
-        """Rates of x per rate of y. Shape (n, n_x, k)."""
+        """Rates of x per unit rate of y. Shape (n, n_x, k)."""
         return np.asarray(self.inverse[:, : self.x.shape[1], -self.task.y.shape[1] :])
 
     @cached_property
     def J(self) -> Array:
-        """Rates of the joint coordinates per rate of x. Shape (n, n_q, n_x)."""
+        """Rates of the joint coordinates per unit rate of x. Shape (n, n_q, n_x)."""
         n, q, b, _ = self.joints.matrix.shape
         return np.asarray(self.joints.matrix.reshape(n, q, 6 * b) @ self.at.T.reshape(n, 6 * b, -1))
 
@@ -136,9 +136,8 @@ class ClosedMotion:
                 (n, k).
 
         Returns:
-            Second derivatives of x, shape (n, n_x), and accelerations of the bodies, angular part, then linear part at
-            the origin, (n, n_body + 1, 6); see `JointReading.accelerations` for the second derivatives of the joint
-            coordinates.
+            Second derivatives of x, shape (n, n_x), and accelerations of the bodies (angular part, then linear part at
+            the origin), (n, n_body + 1, 6). `JointReading.accelerations` computes those of the joint coordinates.
         """
         s, tied = self.tracked, self.joints.accelerations(self.V, rest)
         coupled = bind_to(self.mechanism, s).bias(self.q[:, s], self.qd[:, s])
@@ -148,16 +147,16 @@ class ClosedMotion:
         return xdd, rest + self._moved(xdd)
 
     def generalized_forces(self, need: Array) -> Array:
-        """Return the generalised forces (along y) that supply the given forces along x. Shape (n, n_x) -> (n, k)."""
+        """Return the forces along y that are equivalent to given forces along x. Shape (n, n_x) -> (n, k)."""
         return np.asarray((self.K.swapaxes(1, 2) @ need[..., None])[..., 0])
 
     def actuator_forces(self, need: Array, line: Array | None = None) -> tuple[Array, Array]:
-        """Solve for actuator forces that, together with constraint forces, supply given forces along x.
+        """Solve for actuator forces that, together with constraint forces, supply the required forces along x.
 
         Args:
-            need: Forces to be supplied: inertia minus all applied forces. Shape (n, n_x).
+            need: Required forces: inertia minus all applied forces. Shape (n, n_x).
             line: For the rule ``spherical_axial``: the joint's force per unit multiplier of the gaps, in two
-                directions across its line. Shape (n, 2, m). By default actuator forces have minimum norm.
+                directions perpendicular to its line. Shape (n, 2, m). By default actuator forces have minimum norm.
 
         Returns:
             Actuator forces, shape (n, n_actuator), and the condition number of their equations, (n,).
@@ -175,13 +174,13 @@ class ClosedMotion:
             need, f: See `actuator_forces`.
         """
         m, s, rest = self.at.gaps.shape[1], len(self.tracked), need - (f[:, None] @ self._drive)[:, 0]
-        # the force that actuators do not supply does no work on motions of y, so the rows of y get none of it
+        # the force that actuators do not supply does no work in motions along y, so the multipliers of y are zero
         forces = (rest[:, None] @ self.inverse[:, : self.x.shape[1]])[:, 0]
         return forces[:, :m], forces[:, m + s : -self.task.y.shape[1]]
 
     @property
     def _drive(self) -> Array:
-        """Rates of the actuated coordinates per rate of x. Shape (n, n_actuator, n_x)."""
+        """Rates of the actuated coordinates per unit rate of x. Shape (n, n_actuator, n_x)."""
         return self.J[:, self.mechanism.actuated_columns]
 
 
@@ -191,7 +190,7 @@ def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:
 
 
 class Closing:
-    """Solver that closes an engine's loops with Newton's method along a motion starting in the home assembly mode.
+    """Closes an engine's loops by Newton's method along a motion that starts in the home assembly mode.
 
     The gaps may include redundant constraints.
     """
@@ -230,7 +229,7 @@ class Closing:
         return np.concatenate([open_by, away], axis=1) / self.rows, A * self.size / self.rows[:, None]
 
     def _scatter(self, s: Array) -> Array:
-        """Scatter the unknown joint coordinates, with NaN elsewhere. Shape (n, n_s) -> (n, n_q)."""
+        """Extend the unknown joint coordinates to all joint coordinates, with NaN elsewhere. (n, n_s) -> (n, n_q)."""
         near = np.full((len(s), len(self.mechanism.coordinates)), np.nan)
         near[:, self.tracked] = s
         return near
@@ -252,7 +251,7 @@ class Closing:
         """Close the next samples of a motion.
 
         Raises:
-            ClosureError: The motion reaches a pose where the loops cannot close, or passes over a singular pose.
+            ClosureError: The motion reaches a pose where the loops cannot close, or passes through a singular pose.
         """
         z, system, *_ = self.path.follow(task.y, task.t, (task.yd, task.ydd), task.drive)
         x, s = self._split(z)

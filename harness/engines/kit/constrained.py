@@ -1,4 +1,4 @@
-"""Inverse dynamics for engines with constraints in their own coordinates, such as absolute body coordinates."""
+"""Inverse dynamics for engines that formulate constraints in their own coordinates, such as absolute coordinates."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from screwgauge.solution import Clock, Solution
 
 
 class Constrained(Protocol):
-    """An engine's equations of a mechanism in coordinates x; this module adds couplings and forces along joints.
+    """Equations of a mechanism in an engine's coordinates x; this module adds couplings and forces along joints.
 
     Attributes:
         mechanism: Description of the mechanism.
@@ -52,11 +52,11 @@ class Constrained(Protocol):
 
     @abstractmethod
     def place(self, x: Array) -> Placement:
-        """Return body poses, their derivatives, and constraint gaps. Shape (n, n_x)."""
+        """Return body poses, their derivatives, and constraint gaps at x, shape (n, n_x)."""
 
     @abstractmethod
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Return the second derivatives of the gaps and the body accelerations, both at constant rates.
+        """Return the second derivatives of the gaps and the body accelerations at constant rates of x.
 
         Args:
             x, xd: Shape (n, n_x).
@@ -67,7 +67,7 @@ class Constrained(Protocol):
 
     @abstractmethod
     def dynamics(self, x: Array, xd: Array, applied: Applied) -> tuple[Array, Array]:
-        """Return the mass matrix, and gravity, loads, point springs and velocity terms along x.
+        """Return the mass matrix, and the sum of gravity, loads, point springs and velocity terms along x.
 
         Args:
             x, xd: Shape (n, n_x).
@@ -87,7 +87,7 @@ def solve_constrained(
         labels: Name and version of the engine, and a description of its method and settings.
 
     Raises:
-        ClosureError: The motion reaches a pose where the loops cannot close, or passes over a singular pose.
+        ClosureError: The motion reaches a pose where the loops cannot close, or passes through a singular pose.
         ValueError: The engine's equations are inconsistent, see `check_statement`.
     """
     clock = Clock()
@@ -96,7 +96,7 @@ def solve_constrained(
 
 
 class _PartSolver:
-    """Solver of the parts of a problem, for its requested quantities only."""
+    """Solves a problem part by part, computing only the requested quantities."""
 
     def __init__(self, engine: Constrained, problem: Problem, clock: Clock) -> None:
         self.engine, self.problem, self.clock = engine, problem, clock
@@ -171,22 +171,22 @@ class _PartSolver:
         return closed.accelerations(*bias, ydd)
 
     def _project(self, closed: ClosedMotion, along: Array) -> Array:
-        """Transform forces along joint coordinates to x. Shape (n, n_q) -> (n, n_x)."""
+        """Transform forces along joint coordinates to forces along x. Shape (n, n_q) -> (n, n_x)."""
         return np.asarray((along[:, None] @ closed.J)[:, 0])
 
     def _rates(self, closed: ClosedMotion) -> tuple[Array, Array]:
-        """Return body and point rates per rate of each actuator, and the condition number of the actuator rates."""
+        """Return body and point velocities per unit rate of each actuator, and the condition number of that map."""
         mechanism = self.engine.mechanism
         B = closed.J[:, mechanism.actuated_columns] @ closed.K
         twists, points = closed.at.T @ closed.K[:, None], self.problem.points
         return per_actuator(twists, closed.at.R, points, mechanism.body_index, B, idle=closed.task.idle)
 
     def _forces(self, closed: ClosedMotion, A: Array, need: Array, conditions: dict[str, Array]) -> dict[str, Array]:
-        """Return the forces and add the condition numbers of the solved systems to `conditions`.
+        """Return the force quantities and add the condition numbers of the solved systems to `conditions`.
 
         Args:
             A: Accelerations of the bodies. Shape (n, n_body + 1, 6).
-            need: Total force of constraints, actuators and joints. Shape (n, n_x).
+            need: Force that constraints, actuators and joints supply together. Shape (n, n_x).
         """
         problem, mechanism, at, rows = self.problem, self.engine.mechanism, closed.at, self.engine.rows
         ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)

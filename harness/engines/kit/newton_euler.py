@@ -55,10 +55,10 @@ def required_wrenches(matter: Matter, R: Array, V: Array, A: Array, g: Array) ->
 
 
 def summed_inwards(parents: Sequence[int], p: Array, wrenches: Array) -> Array:
-    """Sum required wrenches from the tips of a tree inwards.
+    """Sum the required wrenches along a tree, inwards from its tips.
 
     Args:
-        parents: Index of the body that carries each body, 0 for ground; ground itself is omitted. Length n_body.
+        parents: Index of each body's parent, 0 for ground; ground itself has no entry. Length n_body.
         p: Origins of the bodies, ground first. Shape (n, n_body + 1, 3).
         wrenches: Wrench required by each body: force, then moment about its origin. Shape (n, n_body + 1, 6).
 
@@ -71,7 +71,7 @@ def summed_inwards(parents: Sequence[int], p: Array, wrenches: Array) -> Array:
         return 1 + depth(parents[body - 1]) if body else 0
 
     for body in sorted(range(1, len(parents) + 1), key=depth, reverse=True):
-        if carrier := parents[body - 1]:  # its carrier provides the wrench that it requires
+        if carrier := parents[body - 1]:  # the parent provides the wrench that the body requires
             out[:, carrier, :3] += out[:, body, :3]
             out[:, carrier, 3:] += out[:, body, 3:] + cross(p[:, body] - p[:, carrier], out[:, body, :3])
     out[:, 0] = 0.0

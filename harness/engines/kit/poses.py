@@ -1,4 +1,4 @@
-"""Conversion of joint coordinates and their rates to body poses and motions, and back."""
+"""Convert between joint coordinates and body poses, and between their rates and accelerations."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def body_poses(mechanism: Mechanism, q: Array) -> tuple[Array, Array]:
 
 
 def absolute_poses(x: Array) -> tuple[Array, Array, Array]:
-    """Compute body poses from absolute coordinates, and their derivatives.
+    """Compute body poses and their derivatives from absolute coordinates.
 
     Args:
-        x: Position and unit quaternion (w, x, y, z), the Euler parameters, of each body. Shape (n, n_body, 7).
+        x: Position and Euler parameters, a unit quaternion (w, x, y, z), of each body. Shape (n, n_body, 7).
 
     Returns:
-        R, p, and the twist of each body (angular velocity, then velocity of its origin) per rate of all coordinates.
+        R, p, and the twist of each body (angular velocity, then velocity of its origin) per unit rate of x.
         Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3), (n, n_body + 1, 6, 7 n_body).
     """
     n, bodies, _ = x.shape
@@ -62,7 +62,7 @@ def absolute_poses(x: Array) -> tuple[Array, Array, Array]:
 
 
 def joint_frames(mechanism: Mechanism, joint: Joint, R: Array, p: Array) -> JointPose:
-    """Return the world frames of a joint on its parent and child at given body poses."""
+    """Return a joint's frames on its parent and child, in world coordinates, at given body poses."""
     sides = [(mechanism.body_index[body], frame) for body, frame in joint.sides]
     (before, after) = (placed(R[:, i], p[:, i], frame) for i, frame in sides)
     return JointPose(joint, *before, *after)
@@ -84,7 +84,7 @@ class JointReading:
 
     @cached_property
     def _screws(self) -> list[tuple[slice, int, int, Array, Array]]:
-        """For each joint: columns, parent, child, and unit screws of its motions with dual wrenches, about O."""
+        """For each joint: columns, parent, child, unit screws of its motions about O, and their dual wrenches."""
         found, index = list[tuple[slice, int, int, Array, Array]](), self.mechanism.body_index
         for joint, columns in _columns(self.mechanism):
             frames = joint_frames(self.mechanism, joint, self.R, self.p)
@@ -95,7 +95,7 @@ class JointReading:
 
     @cached_property
     def matrix(self) -> Array:
-        """Rates of the coordinates per unit body twist: angular part, then linear. (n, n_q, n_body + 1, 6)."""
+        """Rates of the coordinates per unit twist (angular, then linear part) of each body. (n, n_q, n_body + 1, 6)."""
         out = np.zeros((*self.q.shape, self.p.shape[1], 6))
         for columns, parent, child, _, duals in self._screws:
             for body, sign in ((child, 1.0), (parent, -1.0)):
@@ -106,7 +106,7 @@ class JointReading:
 
     @cached_property
     def condition(self) -> Array:
-        """Largest condition number of any joint's angle rates, 1 at best, see `angle_condition`. Shape (n,)."""
+        """Largest condition number of any joint's angle rates, at least 1, see `angle_condition`. Shape (n,)."""
         worst = np.ones(len(self.q))
         for joint, columns in _columns(self.mechanism):
             worst = np.maximum(worst, angle_condition(self.q[:, columns][:, np.array(KINDS[joint.kind])]))
@@ -183,8 +183,8 @@ def follow_joints(mechanism: Mechanism, R: Array, p: Array, near: Array, before:
 
     Args:
         R, p: Body poses at successive samples, see `read_joints`.
-        near: As in `read_joints`; values of independent coordinates must be known.
-        before: Joint coordinates at the sample before the first, by default the home pose. Shape (n_q,).
+        near: As in `read_joints`; values of independent coordinates must not be NaN.
+        before: Joint coordinates at the preceding sample, by default the home pose. Shape (n_q,).
     """
     read = read_joints(mechanism, R, p, near)
     known: Flags = np.asarray(np.isfinite(near).all(axis=0))
@@ -213,13 +213,13 @@ def com_accelerations(mechanism: Mechanism, R: Array, V: Array, A: Array) -> Arr
 
 
 def shifted(V: Array, A: Array, arms: Array) -> Array:
-    """Compute accelerations of displaced body points. V, A of the origins: (n, m, 6); arms: (n, m, 3) -> (n, m, 3)."""
+    """Return the accelerations of points at `arms`, (n, m, 3), from the origins, which move with V, A: (n, m, 6)."""
     w = V[..., :3]
     return np.asarray(A[..., 3:] + cross(A[..., :3], arms) + cross(w, cross(w, arms)))
 
 
 def angle_condition(angles: Array) -> Array:
-    """Return the condition number of a joint's angle rates; it is 1 for up to two axes. (n, m) -> (n,)."""
+    """Return the condition number of a joint's angle rates, which is 1 for one or two axes. (n, m) -> (n,)."""
     if angles.shape[1] < 3:
         return np.ones(len(angles))
     return np.asarray(np.sqrt((1.0 + 2.0 / np.cos(angles[:, 1]) ** 2) / 3.0))
@@ -230,8 +230,8 @@ def counted_turns(begin: Array, angles: Array, given: bool) -> Array:
 
     Args:
         begin: As in `follow`.
-        given: Whether some angles are independent and thus select the triple of angles. If not, joints keep the triple
-            that was read, as for poses in closed form, which have no path.
+        given: True if some angles are independent and thus select one of the equivalent triples of angles. Otherwise
+            the triple that was read is kept, as if the poses had been computed in closed form, without a path.
     """
     if given:
         return follow(begin, angles, angle_condition(angles) < SURE)

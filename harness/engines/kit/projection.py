@@ -15,9 +15,9 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
     """Return the minimum-norm actuator forces f with ``B^T f = Q``.
 
     Args:
-        B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
+        B: Actuator rates per unit rate of y, d L / d y. Shape (n, n_actuator, k).
         Q: Generalised forces. Shape (n, k).
-        idle: Coordinates that no actuator drives and whose equations are already satisfied.
+        idle: Indices of the coordinates that no actuator drives; their equations are already satisfied.
 
     Returns:
         Actuator forces, shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
@@ -28,19 +28,19 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
 
 
 def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tuple[Array, Array]:
-    """Solve for accelerations x of undriven coordinates such that actuators can supply the remaining forces.
+    """Solve for the accelerations x of undriven coordinates at which actuators can supply the remaining forces.
 
-    Solves ``N^T (Q + M x) = 0``. The columns of N are motions of y in which no actuator moves, which eliminates the
+    Solves ``N^T (Q + M x) = 0``. The columns of N are rates of y at which no actuator moves; they eliminate the
     actuator forces.
 
     Args:
-        B: Actuator rates per rate of y. Shape (n, n_actuator, k).
+        B: Actuator rates per unit rate of y. Shape (n, n_actuator, k).
         M: Columns of the mass matrix that belong to the idle coordinates. Shape (n, k, m).
         Q: Generalised forces at x = 0. Shape (n, k).
-        idle: Indices of the idle coordinates among the k.
+        idle: Indices of the m undriven ("idle") coordinates in y.
 
     Returns:
-        Shape (n, m), and the condition number of these equations, (n,).
+        x, shape (n, m), and the condition number of these equations, (n,).
     """
     given, m = given_columns(B.shape[2], idle), len(idle)
     N = np.zeros((*B.shape[:1], B.shape[2], m))
@@ -55,17 +55,17 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
 
 
 def along_line(drive: Array, G: Array, need: Array, line: Array, right: Array | float = 0.0) -> tuple[Array, Array]:
-    """Solve for multipliers and for actuator forces that keep a joint's force along its line (eq. 56).
+    """Solve for the actuator forces that keep a joint's force along its line (eq. 56).
 
     Args:
-        drive: Rates of the actuated coordinates per rate of the engine's coordinates. Shape (n, n_actuator, n_x).
+        drive: Rates of the actuated coordinates per unit rate of the engine's coordinates. Shape (n, n_actuator, n_x).
         G: Derivative of the constraints. Shape (n, m, n_x).
         need: Forces that actuators and constraints supply together. Shape (n, n_x).
-        line: Joint force per unit multiplier in two directions across the line. Shape (n, 2, m).
+        line: Joint force per unit multiplier in two directions perpendicular to the line. Shape (n, 2, m).
         right: Required joint force in these two directions. Shape (n, 2).
 
     Returns:
-        Shape (n, n_actuator), and the condition number of the equations, (n,).
+        Actuator forces, shape (n, n_actuator), and the condition number of the equations, (n,).
     """
     (n, actuators, n_x), m = drive.shape, G.shape[1]
     system = np.zeros((n, n_x + 2, actuators + m))

@@ -1,4 +1,4 @@
-"""Rates of bodies and named points per rate of each actuator."""
+"""Velocities of bodies and named points per unit rate of each actuator."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def per_actuator(
         idle: Indices of the coordinates that no actuator drives.
 
     Returns:
-        Shape (n, (6 n_body + 3 n_point) n_actuator), and shape (n,).
+        The quantity, shape (n, (6 n_body + 3 n_point) n_actuator), and the condition number, (n,).
     """
     driven = given_columns(B.shape[2], idle)
     twists, B, (n, k) = twists[..., driven], B[..., driven], (len(B), len(driven))

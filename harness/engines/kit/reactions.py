@@ -1,4 +1,4 @@
-"""Joint reactions from constraint multipliers, for engines in absolute body coordinates."""
+"""Compute joint reactions from constraint multipliers, for engines that use absolute body coordinates."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from screwgauge.reference.mechanism import Joint, Mechanism, by_role
 from screwgauge.reference.rotations import Array, across_direction, skew
 
 Rows = Sequence[int]
-"""Gaps closed by a joint."""
+"""Indices of the gaps of a joint."""
 
 
 def unit_wrenches(mechanism: Mechanism, joint: Joint, at: Placement, rows: Rows) -> Array:
     """Return a joint's wrench on its child per unit multiplier: force, then moment about the joint's child-side point.
 
     Args:
-        rows: Gaps of the joint. Each body coordinate on which these gaps depend must move only its own body.
+        rows: Indices of the joint's gaps. Each coordinate on which these gaps depend must move only one body.
 
     Returns:
         Wrenches in world axes. Shape (n, 6, m_joint).
@@ -50,7 +50,7 @@ def joint_wrenches(mechanism: Mechanism, at: Placement, rows: Sequence[Rows], mu
 
 
 def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Array:
-    """Return the force across the line of the rule ``spherical_axial`` per unit multiplier.
+    """Return the joint force perpendicular to the line of the rule ``spherical_axial``, per unit multiplier.
 
     Args:
         rows: Gaps of each joint, in the order of the description.
@@ -62,7 +62,7 @@ def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Arr
         ModelFileError: The description lacks the table ``[spherical_axial]``, which names the joint.
     """
     if mechanism.axial is None:
-        raise ModelFileError("the description has no [spherical_axial]", "rule spherical_axial", "add the table")
+        raise ModelFileError("the description has no table [spherical_axial]", "rule spherical_axial", "add the table")
     name, direction = mechanism.axial
     number = next(i for i, joint in enumerate(mechanism.joints) if joint.name == name)
     joint, own, line = mechanism.joints[number], [*rows[number]], np.zeros((len(at.R), 2, at.gaps.shape[1]))

@@ -1,7 +1,7 @@
-"""Checks of the arrays that an engine supplies: shapes, and derivatives against finite differences.
+"""Check the shapes of the arrays that an engine supplies, and check derivatives by finite differences.
 
-Arrays are checked once, at the home pose. Without the check, errors would surface as loops that do not close, far from
-their cause.
+Arrays are checked once, at the home pose. Without this check, a fault would only show later, as loops that do not
+close.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 #: Step of finite differences, in units of x.
 STEP = 1e-5
-#: Allowed error of a derivative relative to the largest rate, and lower bound of the largest rate:
-#: finite differences agree to nine digits with a correct derivative, and to none with a wrong one.
+#: Allowed error of a derivative relative to the largest rate, and lower bound of the largest rate: finite differences
+#: have nine digits in common with a correct derivative, and none with a wrong derivative.
 OFF, LEAST = 1e-4, 1e-4
 
 
@@ -34,8 +34,8 @@ def check_statement(engine: Constrained, problem: Problem) -> None:
     """Reject an engine whose arrays are inconsistent at the home pose; checks only arrays that the problem needs.
 
     Raises:
-        ValueError: An array has the wrong shape, is not finite, or is not the derivative that it must be. The type
-            differs from the errors with which engines reject mechanisms, because the engine itself is wrong.
+        ValueError: An array has the wrong shape, is not finite, or is not the required derivative. This is not an error
+            with which engines reject mechanisms, because the engine itself is wrong.
     """
     x, n_x, m = np.asarray(engine.home), np.size(engine.home), np.size(engine.gap_units)
     _check_arrays("", {"home": (x, (n_x,)), "units": (engine.units, (n_x,)), "gap_units": (engine.gap_units, (m,))})
@@ -77,7 +77,7 @@ def _check_rows(rows: Sequence[Sequence[int]], mechanism: Mechanism, m: int) -> 
 
 
 def _direction(engine: Constrained, at: Placement) -> Array:
-    """Return rates of x that keep the gaps without a joint closed; such gaps relate redundant coordinates."""
+    """Return rates of x that do not open gaps that belong to no joint; such gaps relate redundant coordinates."""
     units = np.asarray(engine.units, dtype=float)
     v = units * np.cos(1.0 + 2.4 * np.arange(len(units)))
     own = [row for row in range(at.G.shape[1]) if row not in {row for some in engine.rows for row in some}]
@@ -101,7 +101,7 @@ def _check_derivatives(engine: Constrained, at: Placement, v: Array, beside: tup
 
 def _check_bias(engine: Constrained, x: Array, v: Array, beside: tuple[Placement, Placement]) -> None:
     gaps, bodies = _pair(
-        engine.bias(x[None].copy(), v[None]), "bias", "second derivatives of the gaps and accelerations"
+        engine.bias(x[None].copy(), v[None]), "bias", "second derivatives of the gaps and body accelerations"
     )
     before, after = beside
     m, b = before.gaps.shape[1], before.p.shape[1]

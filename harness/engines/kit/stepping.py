@@ -1,4 +1,4 @@
-"""Simulation with an engine's own fixed-step integrator, for engines with constraints in their own coordinates."""
+"""Simulation with an engine's own fixed-step integrator and constraints in its own coordinates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Stepped(Constrained, Protocol):
     """An engine with its own integrator."""
 
     def begin(self, x: Array, xd: Array) -> None:
-        """Set the initial state. Shape (n_x,) each."""
+        """Set the initial state: x and its rates, both of shape (n_x,)."""
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
         """Take n steps of size h from time t; return x and its rates as arrays that later steps do not modify.
@@ -84,7 +84,7 @@ def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
         "a fixed joint": any(joint.fixed for joint in mechanism.joints),
         "a rotor, damping or friction": bool(resistances(mechanism.joints)),
         "a motor": bool(applied.motors),
-        "a load over time": any(load.courses for load in applied.loads),
+        "a time-varying load": any(load.courses for load in applied.loads),
         "a spring along a joint": any(isinstance(one, JointSpring) for one in applied.springs),
     }
     for what, there in found.items():
