@@ -26,10 +26,10 @@ class Load:
     """A force and moment on a body.
 
     Attributes:
-        body: Body on which the load acts; a load that the body exerts has been reversed.
+        body: Body on which the load acts; a load that the body exerts is stored with reversed signs.
         point: Point of application in the body frame [m], or None for the centre of mass. Shape (3,).
-        force, torque: Force [N] and moment [N m]. Shape (3,), or (n, 3) for n samples; NaN if they follow from
-            `courses`, see `at`.
+        force, torque: Force [N] and moment [N m]. Shape (3,), or (n, 3) for n samples; NaN if `courses`
+            define them, see `at`.
         axes: Axes of force and torque, one of `AXES`.
         courses: Fx, Fy, Fz, Mx, My, Mz as functions of time; empty for a constant load.
     """
@@ -43,7 +43,7 @@ class Load:
 
     @classmethod
     def over_time(cls, body: str, point: Array | None, courses: tuple[Course | Samples, ...], axes: str) -> Load:
-        """Build a load from six components; evaluate force and torque if no component changes with time."""
+        """Build a load from six functions of time; if all of them are constant, evaluate force and torque."""
         unknown = np.full(3, np.nan)
         load = cls(body, point, unknown, unknown, axes, courses)
         return load.at(0.0) if all(one.constant for one in courses) else load
@@ -108,7 +108,7 @@ class JointSpring:
         _check(f"spring at {self.coordinate}", self.stiffness, self.rest, self.damping)
 
     def pull(self, q: Any, rate: Any) -> Any:
-        """Return the force that opposes the coordinate, for any scalar type."""
+        """Return the force of spring and damper against the coordinate, for any scalar type."""
         return self.stiffness * (q - self.rest) + self.damping * rate
 
 
@@ -153,13 +153,13 @@ class PointSpring:
 
     @property
     def ends(self) -> tuple[tuple[str, Array], tuple[str, Array]]:
-        """Pairs (body, point in the body frame) of both ends."""
+        """Body, and point in the body frame, of each end."""
         return (self.first, self.first_point), (self.second, self.second_point)
 
     def no_direction(self, when: str = "") -> SingularPoseError:
         """Build the error for a spring whose end points coincide."""
-        what = f"its points meet{when}, so it has no direction"
-        return SingularPoseError(what, self.where, "move its points or shorten the motion")
+        what = f"its end points coincide{when}, so its direction is undefined"
+        return SingularPoseError(what, self.where, "move the end points or shorten the motion")
 
 
 Spring = JointSpring | PointSpring
@@ -183,7 +183,7 @@ class Motor:
 
 
 def hold(forces: Mapping[str, float]) -> tuple[Motor, ...]:
-    """Build motors of constant force from a map of joint coordinate to force [N or N m]."""
+    """Build constant-force motors from a mapping of joint coordinates to forces [N or N m]."""
     return tuple(Motor(name, Course.of(f)) for name, f in forces.items())
 
 

@@ -26,12 +26,12 @@ from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError
 from screwgauge.reference.graph import Layout
 
-#: Distance of a pose near home from home [rad or mechanism lengths].
+#: Distance from home to the nearby pose [rad or mechanism lengths].
 ASIDE = 0.05
 
 
 class ClosedMotion(Forward):
-    """A closed mechanism at n samples of a motion, in floats; each quantity is computed on first access.
+    """A closed mechanism at n samples of a motion, in floating point; each quantity is computed on first access.
 
     A joint that closes a loop keeps the given coordinates; in gimbal lock, its rates are NaN.
     """
@@ -124,7 +124,7 @@ class ClosedMotion(Forward):
         steered, moved = self.steering.condition, self.idle_reluctance
         unmoved = "the forces do not determine the accelerations of coordinates without an actuator"
         for condition, what in (
-            (steered, "the actuators do not drive all coordinates with a motion"),
+            (steered, "the actuators do not drive all coordinates that have a given motion"),
             (moved, unmoved),
         ):
             if (bad := np.flatnonzero(~(condition < linear.SINGULAR))).size:
@@ -159,7 +159,7 @@ def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
 
 
 def _rates_near_home(lay: Layout) -> Array:
-    """Return the actuator rates per rate of each independent coordinate, see `driven_at_home`. Shape (n_act, k)."""
+    """Return actuator rates per unit rate of each independent coordinate, see `driven_at_home`. Shape (n_act, k)."""
     mechanism, k = lay.mechanism, len(lay.mechanism.independent)
     most: Array = motion_at(lay, mechanism.home[None], np.zeros((1, k))).rates_of_actuators[0]
     if linear.rank(most) < min(most.shape):
@@ -196,7 +196,7 @@ def motion_at(
             forces [N or N m]. Shapes (n_actuator,) or (n, n_actuator), (n_q,) or (n, n_q).
 
     Raises:
-        DescriptionError: Forces have a different shape.
+        DescriptionError: An array of forces has the wrong shape.
         UnknownNameError: A spring refers to a body or coordinate that does not exist.
     """
     system = home_equations(lay)

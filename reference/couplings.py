@@ -20,7 +20,7 @@ class PolynomialSum:
 
     Attributes:
         constant: p0 [rad or m].
-        terms: Coordinate -> coefficients of its powers, from the first power on [rad or m per power of rad or m].
+        terms: Coordinate -> coefficients of its powers, starting with the first [rad or m per power of rad or m].
     """
 
     constant: float
@@ -39,7 +39,7 @@ class PolynomialSum:
 
     @property
     def polynomials(self) -> dict[str, Array]:
-        """Polynomials that sum to the function, lowest coefficient first; the first one includes the constant."""
+        """Polynomials whose sum is the function, lowest coefficient first; the first one includes the constant."""
         if not self.terms:
             return {"": np.array([self.constant])}
         constants = [self.constant, *[0.0] * (len(self.terms) - 1)]
@@ -125,7 +125,7 @@ class PolynomialSum:
         return first, second
 
     def filled(self, coefficients: Array) -> PolynomialSum:
-        """Replace the coefficients: the constant, then the same number of powers for each coordinate."""
+        """Replace the coefficients by the constant, followed by equally many powers for each coordinate."""
         powers = np.split(coefficients[1:], len(self.terms)) if self.terms else []
         return PolynomialSum(float(coefficients[0]), dict(zip(self.terms, powers, strict=True)))
 
@@ -152,11 +152,11 @@ class Coupling:
     def __post_init__(self) -> None:
         where, function = self.where or self.name, self.function
         if not np.isfinite([function.constant, *(x for p in function.terms.values() for x in p)]).all():
-            raise DescriptionError("the polynomial is not finite", where, "use finite numbers")
+            raise DescriptionError("a coefficient is not finite", where, "use finite numbers")
         for name, coefficients in function.terms.items():
             if not coefficients.any():
                 what = f"'{self.coordinate}' does not depend on '{name}'"
-                raise DescriptionError(what, where, "add coefficients of its powers, or remove it")
+                raise DescriptionError(what, where, "use a nonzero coefficient, or remove the term")
         if self.coordinate in function.terms:
             raise DescriptionError(f"couples '{self.coordinate}' to itself", where, "choose other coordinates")
 
@@ -177,7 +177,7 @@ class CouplingRows:
     """Couplings as equations in a vector of n_q coordinates, one row per coupling.
 
     Attributes:
-        columns: Column of the dependent coordinate of each row.
+        columns: Columns of the dependent coordinates, one per row.
         leads: Columns of the coordinates on which each row depends, with their polynomials, lowest coefficient first.
             The first polynomial includes the constant; for a fixed coordinate, the constant has column None.
     """
@@ -232,7 +232,7 @@ class CouplingRows:
 
 
 def _derivative(polynomial: Array, order: int, x: Any) -> Any:
-    """Evaluate a derivative of a polynomial, lowest coefficient first, at x; None for x stands for a constant."""
+    """Evaluate a derivative of a polynomial, lowest coefficient first, at x; x is None for a constant."""
     coefficients, value = polynomial, 0.0
     for _ in range(order):  # numpy's polyder is five times slower, and this runs at every evaluation of a motion
         coefficients = coefficients[1:] * np.arange(1, len(coefficients))

@@ -13,7 +13,7 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array
 
 Wave = Callable[[Any], Any]
-"""Sine or cosine of numbers of any kind."""
+"""Sine or cosine for any scalar type."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,8 +21,8 @@ class Course:
     """A function of time: a polynomial plus harmonics.
 
     Attributes:
-        polynomial: Coefficients, lowest first [unit of the number, per s^k]. Shape (m,).
-        harmonics: Rows [omega, cos, sin] [rad/s, unit of the number]. Shape (k, 3).
+        polynomial: Coefficients, lowest first [unit of the value, per s^k]. Shape (m,).
+        harmonics: Rows [omega, cos, sin] [rad/s, unit of the value]. Shape (k, 3).
     """
 
     polynomial: Array
@@ -84,7 +84,7 @@ class Samples:
         return not self.values.any()
 
     def __call__(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
-        """Return the values at sample times of the file [s], which must match up to rounding of decimals. Shape (...).
+        """Return the values at times [s] that agree with sample times up to rounding of decimals. Shape (...).
 
         Raises:
             DescriptionError: The file lacks a sample at one of these times.

@@ -1,4 +1,4 @@
-"""Reads mechanism descriptions in TOML; unknown keys are errors, and each error names file and entry."""
+"""Reads mechanism descriptions in TOML; unknown keys are errors, and each error names the file and the entry."""
 
 from __future__ import annotations
 
@@ -264,4 +264,4 @@ def _check_names(mechanism: Mechanism, where: str) -> None:
         read_name(label, f"{where}, independent")
         check_name("coordinate", str(name), mechanism.moving, f"{where}, independent.{label}")
     if len(set(mechanism.independent.values())) < len(mechanism.independent):
-        raise DescriptionError("a coordinate occurs twice", f"{where}, independent", "choose different ones")
+        raise DescriptionError("a coordinate occurs twice", f"{where}, independent", "choose different coordinates")

@@ -1,4 +1,4 @@
-"""User errors, whose messages state fault, place and remedy in one sentence; and text helpers for messages."""
+"""User errors, whose messages state the fault, the place and the remedy in one sentence, and helpers for messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _OBEYED = re.compile(r"^ *:(?=:)|#(?=#(?:vso)?\[)", re.MULTILINE)
 
 
 def printable(text: str, *, lines: bool = False) -> str:
-    """Replace terminal and direction controls, invisible characters and characters illegal in XML with a space.
+    """Replace control characters, invisible characters and characters that are illegal in XML with a space.
 
     Args:
         lines: Keep line breaks.

@@ -53,7 +53,7 @@ def _evaluate(node: ast.expr) -> float:
 
 @lru_cache(maxsize=4096)
 def _parse(text: str) -> float:
-    """Parse an expression; cache the result because descriptions repeat the same slow numbers."""
+    """Parse an expression; cache the result because descriptions repeat numbers that are slow to parse."""
     if _DECIMAL.fullmatch(text):
         return float(text)
     with warnings.catch_warnings():  # Python's parser warns about "1if"

@@ -87,7 +87,7 @@ def named_file(folder: Path, name: str) -> Path:
 
 
 def read_file(path: Path, most: str = "MB") -> str:
-    """Read the text of an input file, which must be a regular UTF-8 file with or without byte order mark.
+    """Read the text of an input file, which must be a regular UTF-8 file with or without a byte order mark.
 
     Args:
         most: Key of the size limit in `LIMITS`.
@@ -105,7 +105,7 @@ def read_xml(path: Path) -> str:
     """Read XML text, which must be UTF-8 whatever its declaration says.
 
     Raises:
-        DescriptionError: The file cannot be read, see `read_file`, or its declared encoding yields a different text.
+        DescriptionError: The file cannot be read, see `read_file`, or its encoding would yield a different text.
     """
     text = read_file(path)
     text = text.lstrip() if text.lstrip().startswith("<?xml") else text  # a declaration must come first
@@ -213,10 +213,10 @@ def check_plain(value: Any, where: str) -> None:
     """Reject deep nesting, control characters, and integers that a double cannot approximate.
 
     Args:
-        value: Value from a reader of TOML or JSON.
+        value: Value parsed from TOML or JSON.
 
     Raises:
-        DescriptionError: The value contains such data.
+        DescriptionError: The value contains one of these.
     """
     pending = [(value, 0)]
     while pending:

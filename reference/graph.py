@@ -55,7 +55,7 @@ class Layout:
 
     @cached_property
     def path(self) -> Array:
-        """Signs of coordinates (+1, -1 or 0) on the tree path from the ground to a body. Shape (n_body + 1, n_q)."""
+        """Signs of coordinates (+1, -1 or 0) on the tree path from the ground to each body. Shape (n_body + 1, n_q)."""
         index, home = self.mechanism.body_index, self.mechanism.home
         path = np.zeros((len(index), len(home)), dtype=home.dtype)
         for edge in self.edges:
@@ -75,17 +75,17 @@ class Layout:
 
     @cached_property
     def turns(self) -> NDArray[np.bool_]:
-        """Flags of coordinates that are angles. Shape (n_q,)."""
+        """True for coordinates that are angles. Shape (n_q,)."""
         return np.array([turn for joint in self.mechanism.joints for turn, _ in joint.freedoms])
 
     @cached_property
     def cut_columns(self) -> list[int]:
-        """Columns of the cut joints, joint by joint."""
+        """Columns of the cut joints' coordinates, joint by joint."""
         return [column for joint in self.cuts for column in self.columns[joint.name]]
 
     @cached_property
     def tree_columns(self) -> list[int]:
-        """Columns of the tree joints."""
+        """Columns of the tree joints' coordinates."""
         return [column for column in range(self.path.shape[1]) if column not in self.cut_columns]
 
 
@@ -96,7 +96,7 @@ def layout(mechanism: Mechanism) -> Layout:
 
 
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
-    """Build a tree that preferably cuts S joints, or else R joints without actuator: points can close them.
+    """Build a tree that preferably cuts S joints, or else R joints without an actuator; point constraints close both.
 
     Kruskal's algorithm adds joints in this order: F joints, which do not close loops; joints with coupled coordinates,
     which must be unknowns; joints in `keep`; joints with an actuator or a rotor; kinds that point constraints cannot

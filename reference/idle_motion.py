@@ -1,8 +1,8 @@
 """Integrates the motion of idle coordinates, given the motion of all other coordinates, once for all engines.
 
 The method is collocation at Radau points (Radau IIA) for all points of a time interval (stretch) at once, because
-accelerations of many poses take little more time than the accelerations of one pose. Newton's method uses the Jacobian
-at the start of the stretch; therefore, stiff springs and dampers do not require short stretches.
+computing accelerations takes little more time for many poses than for one pose. Newton's method uses the Jacobian at
+the start of the stretch; therefore, stiff springs and dampers do not require short stretches.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ STEPS, SETTLED, FOUND, SLOW = 25, 1e-14, 1e-7, 0.7
 FIRST, LONGER, SHORTEST = 0.25, 2.0, 1e-9
 #: Fraction of its length by which a stretch may be extended to reach an end.
 ROUNDED = 0.1
-#: Condition of a pose, or of its forces, that a motion cannot pass; and largest rate, relative to the rate of a
+#: Condition number of a pose, or of its forces, above which a motion ends; and largest rate, relative to the rate of a
 #: pendulum as long as the mechanism.
 IMPASSABLE, RUNAWAY = 1e5, 1e4
-#: Condition that explains why no further step is possible.
+#: Condition number that explains why no further step is possible.
 SUSPECT = 1e3
-#: Multiple of the observed rounding error up to which terms of a piece count as rounding; displacement of poses by
-#: which rounding errors are observed.
+#: Multiple of the observed rounding error up to which terms of a piece count as rounding; displacement of poses that
+#: makes rounding errors observable.
 ROUNDINGS, ASIDE = 8.0, 1e-7
 #: Largest distance of a pose from the same pose in the preceding Newton step [rad or mechanism lengths].
 NEAR = 0.3
@@ -74,7 +74,7 @@ def rule(s: int) -> Rule:
 
 
 def _integrals(x: Array, s: int) -> tuple[Array, Array]:
-    """Return first and second integrals of s Legendre polynomials on [0, 1], at 2 c - 1. Shape (n,) -> (n, s)."""
+    """Return first and second integrals of s Legendre polynomials on [0, 1] at x = 2 c - 1. Shape (n,) -> (n, s)."""
     first = legint(np.eye(s), lbnd=-1) / 2.0
     second = legint(first, lbnd=-1) / 2.0
     return legvander(x, s) @ first, legvander(x, s + 1) @ second
@@ -131,7 +131,7 @@ class IdleMotion:
     pieces: list[Piece] = field(default_factory=list)
 
     def __call__(self, t: Array) -> State:
-        """Evaluate all independent coordinates at times [s] since the start. Shape (n,).
+        """Evaluate all independent coordinates at times [s] not before the start. Shape (n,).
 
         Raises:
             ScrewgaugeError: The motion ends before these times.
@@ -254,7 +254,7 @@ class _Integration:
             back: Inverse of the derivative of the residual.
 
         Returns:
-            Poses; accelerations, shape (n, m); their last change and their maximum, both in rad or mechanism lengths.
+            Motion; accelerations, shape (n, m); their last change and their maximum, both in rad or mechanism lengths.
 
         Raises:
             _Rejected: Newton's method does not converge.
@@ -278,7 +278,7 @@ class _Integration:
         raise _Rejected("the iteration for accelerations does not converge")
 
     def _noise(self, at: ClosedMotion) -> float:
-        """Estimate the change in accelerations due to rounding of poses, by closing the poses again from nearby."""
+        """Estimate the change in accelerations due to rounding of poses by closing them again from nearby poses."""
         y, unit = at.q[:, self.loops.y_columns], self.unit[self.idle]
         aside = at.q + ASIDE * self.loops.sizes * np.cos(np.arange(at.q.shape[1]))
         again = self._motion_at(at.t, y[:, self.idle], at.yd[:, self.idle], aside)
@@ -308,7 +308,7 @@ class _Integration:
         return read(self.loops.lay, BranchPose(self.loops.lay, self.start.q[0]).joints(y))
 
     def _close(self, y: Array, near: Array) -> Array:
-        """Return joint coordinates of the closed poses next to given poses. Shape (n, n_q)."""
+        """Return joint coordinates of the closed poses near given poses. Shape (n, n_q)."""
         if (poses := self.mode.in_closed_form(y)) is not None:
             return self.mode.close(poses)
         begun = self.loops.unknowns(near)
@@ -331,12 +331,12 @@ class _Integration:
         return np.zeros((m, m)), np.zeros((m, m))  # near a pose where the loops open
 
     def _reason_to_end(self, limit: float = IMPASSABLE) -> str:
-        """Return why the motion ends (impassable pose, or diverging coordinates); empty if it may continue."""
+        """Return the reason why the motion ends (an impassable pose, or divergence); empty if it may continue."""
         at = self.start
         if at.condition[0] > limit:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
         if at.idle_reluctance[0] > limit:
-            return "the given motion and this one nearly block each other there, so the forces do not determine it"
+            return "the given motion nearly blocks these coordinates there, so the forces do not determine their motion"
         speed = np.abs(self.yd / self.unit[self.idle]) / max(self.floor, 1.0) ** 0.5
         return f"it diverges, reaching {np.abs(self.yd).max():.3g} rad/s or m/s" if speed.max() > RUNAWAY else ""
 

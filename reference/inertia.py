@@ -95,9 +95,9 @@ def _describe_allowed(body: Body, excess: float) -> str:
     """Describe the consequence of a tensor that no body can have."""
     largest = float(np.linalg.eigvalsh(body.inertia)[-1])
     return (
-        f"allowed: the largest principal moment of {body.name}, {largest:.4g} kg m^2, exceeds the sum of the others by "
-        f"{excess:.3g} ({excess / largest:.2g} of it), which is impossible for a rigid body: at least one of "
-        f"the three is wrong by {excess / 3.0:.2g} kg m^2 or more, and torques by that times the angular acceleration"
+        f"allowed: the largest principal moment of {body.name}, {largest:.4g} kg m^2, exceeds the sum of the other two "
+        f"by {excess:.3g} ({excess / largest:.2g} of its value), which is impossible for a rigid body; at least one of "
+        f"the three is wrong by {excess / 3.0:.2g} kg m^2 or more, and torques by that error times the acceleration"
     )
 
 
@@ -115,10 +115,10 @@ def _refusal(
     what = f"principal moments {moments} kg m^2 violate the triangle inequality by {excess:.3g}"
     if normals is not None:
         axis = np.round(normals[0], 6) + 0.0
-        remedy = f"it turns about its axis {axis.tolist()} only: write just the moment about that axis"
+        remedy = f"it turns only about its axis {axis.tolist()}, so write only the moment about that axis"
     elif body.name in normals_of_planes(joints, couplings, MEANT):
         remedy = (
-            "one moment is enough if the joint axes are parallel, and these nearly are: write their components in full"
+            "one moment is enough if the joint axes are parallel; these nearly are, so write their components in full"
         )
     else:
         remedy = (

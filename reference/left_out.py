@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_name, read_list, read_text, read_vector, required
 
 Powers = tuple[float, ...]
-"""Coefficients c0, c1, ... of the force ``x (c0 + c1 s + c2 s^2 + ...)``: s is x of a spring, and |x| of a damper."""
+"""Coefficients c0, c1, ... of the force ``x (c0 + c1 s + c2 s^2 + ...)``: s is x for a spring and |x| for a damper."""
 
 
 def spring_law(powers: Powers, x: Array) -> Array:
@@ -42,9 +42,9 @@ class StrokeResistance:
     The stroke is a weighted sum of joint coordinates, or the length of a polygonal path through points of bodies.
 
     Attributes:
-        of: Owner, as noun and name: ``joint m1``.
+        of: Owner, as noun and name, e.g. ``joint m1``.
         along: Coordinate -> stroke per unit of the coordinate; empty for a path.
-        path: Pairs (body or ground, point in its frame [m], shape (3,)) in order; empty for coordinates.
+        path: Pairs (body or ground, point in its frame [m], shape (3,)) in order; empty if `along` defines the stroke.
         armature: Inertia along the stroke [kg m^2 or kg].
         damping: Coefficients of the force as a function of the rate [N m s/rad or N s/m, ...].
         friction: Dry friction [N m or N].

@@ -82,8 +82,8 @@ def inverted(A: Array) -> tuple[Array, Array]:
 def inverted_along(A: Array) -> tuple[Array, Array]:
     """Invert slowly varying square matrices, shape (n, m, m); also return condition numbers.
 
-    One in `EVERY` matrices is inverted directly; all other inverses follow from Schulz's iteration ``X + X E + X E^2``
-    with ``E = 1 - A X``, in blocks of cache size. Other matrices are treated as in `inverted`.
+    One in every `EVERY` matrices is inverted directly; all other inverses follow from Schulz's iteration
+    ``X + X E + X E^2`` with ``E = 1 - A X``, in blocks of cache size. If the iteration fails, `inverted` is used.
     """
     X, eye = np.empty_like(A), np.eye(A.shape[-1])
     if A.shape[1] != A.shape[2]:

@@ -134,7 +134,7 @@ def too_dense(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def _shortened(sentences: dict[str, str], what: str) -> tuple[str, ...]:
-    """Return sentences on bodies by name; of many, the first sentence and one with the other names."""
+    """Return the sentences about bodies; if there are many, the first one and a list of the remaining names."""
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
     first, *rest = sentences
@@ -166,8 +166,8 @@ def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
         return ()
     names, mass = first_few([one.name for one in long], SHOWN), sum(one.mass for one in long)
     return (
-        f"{names}: {mass:.4g} kg span up to {max(one.span for one in long):.3g} m, more than any machine; likely "
-        "millimetres: multiply lengths by 0.001 and moments of inertia by 1e-6",
+        f"{names}: {mass:.4g} kg over a length of {max(one.span for one in long):.3g} m, longer than any machine; "
+        "likely millimetres: multiply lengths by 0.001 and moments of inertia by 1e-6",
     )
 
 
@@ -228,7 +228,7 @@ def too_wide(body: Solid) -> str:
 
 
 def hinges(mechanism: Mechanism) -> Iterator[tuple[Joint, int]]:
-    """Yield the uncoupled angles of all joints but F: joint, and index of the coordinate in the joint."""
+    """Yield the uncoupled angles of all joints except F joints, as joint and index of the coordinate in it."""
     tied = {name for one in mechanism.couplings for name in one.named}
     for joint in (joint for joint in mechanism.joints if joint.constrains):
         yield from (
@@ -237,12 +237,12 @@ def hinges(mechanism: Mechanism) -> Iterator[tuple[Joint, int]]:
 
 
 def too_far(name: str, home: float, limits: Iterable[float]) -> Iterator[str]:
-    """Warn about a home or limit [rad] that is likely in degrees."""
+    """Warn about a home value or limit [rad] that is likely in degrees."""
     far = [x for x in limits if TURNED < abs(x) <= DEGREES and not float(np.log10(abs(x))).is_integer()]
     if far:
         yield f"{name}: {in_degrees('a limit', max(far, key=lambda x: (abs(x), x)))}"
     if 2.0 * np.pi < abs(home) <= DEGREES:
-        yield f"{name}: {in_degrees('a home', home)}"
+        yield f"{name}: {in_degrees('a home value', home)}"
 
 
 def in_degrees(what: str, angle: float) -> str:
@@ -269,7 +269,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
 
 
 def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator[str]:
-    """Warn about a body with the given joints; `extent` is the extent of all joints [m]."""
+    """Warn about mass and extent of a body with the given joint ends; `extent` is that of all joints [m]."""
     name, points = body.name, [end.frame.p for end in its]
     if body.mass == 0.0:
         yield f"{name} has no mass"
@@ -280,7 +280,7 @@ def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator
     if len(points) > 1 and away > max(2.0 * size, 0.05 * unit) and size > 0.0:
         yield f"the centre of mass of {name} is {away:.3g} m away from its joints; {whose} {size:.3g} m apart"
     if len(points) > 1 and max(spread, away) < ROUNDING * unit and not any(end.joint.slides for end in its):
-        yield f"{name} has no length: joints and centre of mass are at one point"
+        yield f"{name} has no length: its joints and its centre of mass coincide"
 
 
 def _warn_of_ball(body: Body) -> str:

@@ -26,7 +26,7 @@ SLACK = 1e-12
 
 
 #: Degrees of freedom of each kind in order: True for a rotation about its axis, False for a translation along it.
-#: Composite joints are serial: the preceding degrees of freedom carry each axis, and all axes meet in the origin of the
+#: Composite joints are serial: the preceding degrees of freedom move each axis, and all axes meet at the origin of the
 #: joint. E slides in a plane and turns about its normal. F is unconstrained and assigns coordinates to a pose: x, y and
 #: z in the parent's frame, then three angles. A fixed joint is a hinge about axis z of its frame that a
 #: `Coupling` locks. `equations.joint_types` has the mechanics of each kind.
@@ -198,7 +198,7 @@ class Joint:
             raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
         if self.held and (self.constrains or not {*self.held} <= {*self.coordinates}):
             what = f"{', '.join(self.held)} cannot be held"
-            raise DescriptionError(what, where, "choose coordinates of an F joint by their names in the joint")
+            raise DescriptionError(what, where, "choose from the names that an F joint gives its coordinates")
         if len(self.axes) > 1:
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:

@@ -114,7 +114,7 @@ def check_independent(lay: Layout, q: Array) -> None:
     where = f"{mechanism.where}, independent"
     if k != freedoms:
         what = f"{k} independent coordinates ({names}) for {freedoms} degrees of freedom"
-        raise DescriptionError(what, where, f"name {freedoms}")
+        raise DescriptionError(what, where, f"choose {freedoms}")
     if linear.rank(A) < A.shape[1]:
         raise DescriptionError(f"the coordinates {names} are not independent at the home pose", where, "choose others")
 

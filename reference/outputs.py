@@ -1,7 +1,7 @@
 """Writes output files atomically; never replaces a user's own file.
 
 A command overwrites neither its inputs nor a file that was edited or was not written by this program. A file that users
-keep contains the digest of its remaining content, which reveals edits; the digest of a CSV is in a second file.
+keep contains a digest of its content, which reveals edits; the digest of a CSV is in a second file.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _PNG, _PNG_END = b"\x89PNG\r\n\x1a\n", 12  # PNG signature, and length of the la
 def save_file(
     path: str | Path, content: str | bytes, inputs: Iterable[str | Path] = (), *, force: bool = False
 ) -> Path:
-    """Write a file with its digest for a user to keep; see `replace_file`.
+    """Write a file for the user to keep, with its digest; see `replace_file`.
 
     Args:
         content: Content; a string is encoded in UTF-8, with escapes for paths that are not valid text.
@@ -75,7 +75,7 @@ def stamped(text: str) -> str:
 
 
 def with_digest(content: bytes) -> bytes:
-    """Append the digest of the content to a text or PDF as a comment, or to a PNG as the penultimate chunk."""
+    """Append the digest of the content: as a comment in text or PDF, and as the penultimate chunk in PNG."""
     if content.startswith(_PNG):
         return content[:-_PNG_END] + _mark(content) + content[-_PNG_END:]
     content = content if content.endswith(b"\n") else content + b"\n"
@@ -148,7 +148,7 @@ def check_place(path: Path) -> None:
 
 
 def overwriting() -> str:
-    """Return how this caller overwrites a file: ``overwrite it with --force``."""
+    """Return the remedy by which this caller can overwrite a file, e.g. ``overwrite it with --force``."""
     return f"overwrite it with {OVERWRITING.get()}"
 
 
@@ -157,7 +157,7 @@ def _other_file() -> str:
 
 
 def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:
-    """Reject an output that is an input, and two outputs at one path, before any work is done.
+    """Reject an output that is an input, and two outputs at the same path, before any work is done.
 
     Args:
         outputs: Option or name of each output -> path.

@@ -1,7 +1,7 @@
 """Reads or changes parameters of a mechanism and its applied forces by name, or replaces them by nodes of a trace.
 
-Names are the paths of a description: ``bodies.coupler.mass``, ``joints.left.parent.x``. Two tilts [rad] rotate a
-joint frame about two directions orthogonal to the first axis of the joint, so that axes keep their meaning.
+Names are paths in a description, e.g. ``bodies.coupler.mass`` or ``joints.left.parent.x``. Two tilts [rad] rotate a
+joint frame about two directions orthogonal to the first axis of the joint.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _vector(name: str, values: Array) -> Iterator[tuple[str, float]]:
 
 
 def _list(name: str, values: Array) -> Iterator[tuple[str, float]]:
-    """Yield one number per coordinate of a joint, numbered from 1 if there are several."""
+    """Yield a number for each coordinate of a joint; names are numbered from 1 if there are several."""
     many = len(values) > 1
     yield from ((f"{name}.{i}" if many else name, float(x)) for i, x in enumerate(values, 1))
 
@@ -104,7 +104,7 @@ def unit(name: str) -> str:
 
 
 def inertial(name: str) -> bool:
-    """Return True for a mass or resistance parameter: forces are linear in it or in moments; motions do not use it."""
+    """Return True for a mass or resistance parameter, which affects forces but not given motions."""
     return name.startswith("bodies.") or bool(resisting_joint(name))
 
 
@@ -157,7 +157,7 @@ def _as_written(pattern: str) -> str:
 
 
 def changed_to(rule: Any, value: float, where: str) -> float:
-    """Apply a rule: a new value, or a string in which x is the present value: ``"1.01 x"``, ``"x + 0.002"``.
+    """Apply a rule: a new value, or a string in which x is the present value, e.g. ``"1.01 x"`` or ``"x + 0.002"``.
 
     Raises:
         DescriptionError: The rule is neither a value nor such a string.
@@ -173,7 +173,7 @@ def mechanism_with(mechanism: Mechanism, values: Numbers, *, symbolic: bool = Fa
     """Replace numbers of a mechanism.
 
     Args:
-        symbolic: Whether the values are nodes of a trace or arrays, which cannot be validated. Shape (...).
+        symbolic: True if the values are nodes of a trace or arrays, shape (...), which cannot be validated.
 
     Raises:
         DescriptionError: The new numbers are invalid for a body or joint.
@@ -191,7 +191,7 @@ def mechanism_with(mechanism: Mechanism, values: Numbers, *, symbolic: bool = Fa
 
 
 def unchecked(item: Any, **changes: Any) -> Any:
-    """Replace fields of a record without its checks."""
+    """Replace fields of a record without running its checks."""
     made = copy(item)
     for name, value in changes.items():
         object.__setattr__(made, name, value)
@@ -215,7 +215,7 @@ Get = Callable[[str, Any], Any]
 
 
 def _value(values: Numbers, symbolic: bool, name: str, present: Any) -> Any:
-    """Look up a value by name, or several values by the name of their owner. Shapes (3,), (n,)."""
+    """Look up a number by name, or the entries of a vector by the name of the vector. Shape (3,)."""
     if not isinstance(present, np.ndarray):
         return values.get(name, present)
     keys = {3: [f"{name}.{axis}" for axis in XYZ]}.get(len(present), [])
@@ -272,7 +272,7 @@ def applied_with(applied: Applied, values: Numbers, *, symbolic: bool = False) -
     """Replace numbers of applied forces, see `mechanism_with`.
 
     Raises:
-        DescriptionError: A spring cannot have the new numbers.
+        DescriptionError: The new numbers are invalid for a spring.
     """
     make, get = unchecked if symbolic else replace, partial(_value, values, symbolic)
     loads = tuple(

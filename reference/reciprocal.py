@@ -38,8 +38,8 @@ class Leg:
     """A leg: joints that connect a body to the ground and are disjoint from all other paths from body to ground.
 
     Attributes:
-        kinds: Kinds of the joints from the ground on, such as ``UPS``, and whether they are coupled; empty if the leg
-            is not a simple chain.
+        kinds: Kinds of the joints, starting at the ground, e.g. ``UPS``, or ``UPS, coupled``; empty if the leg is not a
+            simple chain.
     """
 
     name: str
@@ -248,7 +248,7 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElemen
 
     Args:
         system: Independent dimensionless screws ``[direction; moment about O]``. Shape (6, k).
-        near: Point to which the point on each axis is nearest. Shape (3,).
+        near: Point near which points on the axes are chosen. Shape (3,).
         unit: Length unit of the system, used for points and pitches [m].
     """
     if not system.shape[1]:

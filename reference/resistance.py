@@ -1,7 +1,7 @@
 """Resistance of joint coordinates: rotor inertia, damping and dry friction.
 
-Rotors follow the armature model, which only has inertia along the coordinate. The model omits the remaining effects of
-a geared rotor: gyroscopic moments, and its part in the acceleration of the body that carries it.
+Rotors follow the armature model, which has inertia only along the coordinate. The model omits the remaining effects of
+a geared rotor: gyroscopic moments, and its coupling with the acceleration of the body that carries it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Resistance(NamedTuple):
     """Resistance of one joint coordinate.
 
     Attributes:
-        column: Column among the coordinates of all joints.
+        column: Column of the coordinate among those of all joints.
         what: Kind of resistance (`RESISTS`): ``rotor qdd``, ``damping qd`` or ``friction sign(qd)`` is subtracted from
             the force along the coordinate. At rest, dry friction is taken as zero (physically, any value up to its
             maximum).
@@ -45,7 +45,7 @@ class Resistance(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name of the coordinate and of its resistance."""
+        """Name of the coordinate, followed by the kind of resistance."""
         return f"{self.coordinate}.{self.what}"
 
 

@@ -65,7 +65,7 @@ def lanes(n: int, *shape: int) -> Array:
 
 
 def product(A: Array, B: Array) -> Array:
-    """Multiply matrices entry by entry, which is faster if samples lie in `lanes`.
+    """Multiply matrices entry by entry, which is faster for arrays allocated by `lanes`.
 
     Args:
         A: Shape (n, ..., 3, 3).

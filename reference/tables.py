@@ -77,7 +77,7 @@ def required(table: dict[str, Any], key: str, where: str) -> Any:
 
 
 def read_text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
-    """Read a string entry, which is required if a default is not given."""
+    """Read a string entry, which is required if no default is given."""
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, str):
         raise DescriptionError(f"{shown(value)} is not text", f"{where}, {key}", "write it in quotes")

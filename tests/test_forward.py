@@ -127,7 +127,7 @@ def test_bad_springs_and_forces_are_said(pendulum):
     with pytest.raises(UnknownNameError, match="unknown body 'bobb'"):
         under(pendulum, Applied(springs=(PointSpring("ground", zero, "bobb", zero),)))
     meeting = under(pendulum, Applied(springs=(PointSpring("ground", zero, "upper", zero, 1.0),)))
-    with pytest.raises(SingularPoseError, match="its points meet"):
+    with pytest.raises(SingularPoseError, match="its end points coincide"):
         meeting.check()
     with pytest.raises(DescriptionError, match=r"\(3,\) .* 2 coordinates at 3"):
         under(pendulum, actuators=np.zeros(3))

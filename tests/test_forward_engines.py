@@ -160,7 +160,7 @@ def test_integration_that_stops_keeps_what_was_computed(engine, monkeypatch):
 
 def test_a_start_without_direction_is_refused():
     spring = PointSpring("ground", np.zeros(3), "bob", np.zeros(3), stiffness=1.0, rest=0.1)
-    with pytest.raises(SingularPoseError, match="its points meet"):
+    with pytest.raises(SingularPoseError, match="its end points coincide"):
         simulate_scene("pinocchio", scene_of("a01-pendulum", springs=(spring,))[0])
 
 

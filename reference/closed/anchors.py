@@ -33,9 +33,9 @@ NEAR = 0.2
 FLOOR = 6e6
 #: Step of the central differences used for the Jacobian.
 DIFFERENCE = 5e-6
-#: Exponents p of the norms ``|s^-p U^T dJ V s^(p-1)|`` of a change dJ, which must be small in any one of them: p = 1 is
-#: the norm of ``J^-1 dJ``, p = 0 the norm of ``dJ J^-1``. Next to the lock of a leg, p = 1/2 takes tens of steps
-#: where p = 1 takes hundreds.
+#: Exponents p of the norms ``|s^-p U^T dJ V s^(p-1)|`` of a change dJ; it suffices that one norm is small. p = 1 gives
+#: the norm of ``J^-1 dJ``, p = 0 the norm of ``dJ J^-1``. Near a pose where a leg locks, p = 1/2 takes tens of steps,
+#: but p = 1 takes hundreds.
 NORMS = np.array([0.0, 0.5, 1.0])
 TINY = 1e-100  # smallest singular value whose powers stay finite
 #: Angle [rad] or distance [mechanism lengths] by which two predictions of one pose may always differ.
@@ -46,7 +46,7 @@ BLOCK = 2**18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Anchor:
-    """A closed pose and measurements of its neighbourhood; all quantities are dimensionless.
+    """A closed pose and properties of its neighbourhood; all quantities are dimensionless.
 
     Attributes:
         z, y: Unknowns and independent coordinates. Shapes (n_z,), (k,).
@@ -57,7 +57,8 @@ class Anchor:
         U, s, Vt: Singular value decomposition of the full Jacobian, including coordinates at rest.
         power: Index of the metric in `NORMS`.
         weight: Matrix that maps a correction of the unknowns to the resulting change of J, using J's rate along the
-            motion; its norm is the correction divided by the distance to other solutions. Shape (n, n_z).
+            motion; the norm of that change is the correction relative to the distance to other solutions.
+            Shape (n, n_z).
     """
 
     z: Array
@@ -75,8 +76,8 @@ class Anchor:
     def steady(self, K: Array) -> Array:
         """Replace the velocity map of a nearby pose by this anchor's if they differ only by rounding. Shape (n_z, k).
 
-        Near a crossing of two smooth branches, rounding determines K and could lead from one branch to the other. At a
-        fold, K changes by more than rounding.
+        Near a crossing of two smooth branches, K is dominated by rounding and could divert the path to the second
+        branch. At a fold, K changes by more than rounding.
         """
         explained = CLOSED * self.beta**2 * float(np.linalg.norm(self.K))
         return self.K if np.linalg.norm(K - self.K) <= explained else K
@@ -88,7 +89,7 @@ class Anchor:
 
 
 def offsets(K: Array) -> tuple[Array, Array]:
-    """Return forward and backward steps along the columns of a velocity map, and the divisors of their differences.
+    """Return forward and backward steps along the columns of a velocity map, and the divisors for central differences.
 
     Returns:
         Shapes (2 k, n_z), (k,).
@@ -103,13 +104,12 @@ def measure(
 ) -> Anchor:
     """Build an anchor from a nearly closed pose: compute its velocity map and how the Jacobian changes along it.
 
-
     Args:
         z, y: Unknowns and independent coordinates of the pose. Shapes (n_z,), (k,).
         residual: Residual at the pose, which is removed by a correction of z. Shape (m,).
-        J, full: Jacobian with respect to the unknowns, whose last k rows select y; and Jacobian that additionally has
-            columns, which come last, for coordinates at rest: a pose where such coordinates may begin to move is
-            singular, whatever the other coordinates do. Shapes (m, n_z), (m, n).
+        J, full: Jacobian with respect to the unknowns, whose last k rows select y; and the same with columns appended
+            for coordinates at rest, because a pose where one of these may begin to move is singular. Shapes (m, n_z),
+            (m, n).
         slope: Derivative of the full Jacobian with respect to y. Shape (k, m, n).
         base: Anchor from which the pose was reached.
     """
@@ -155,11 +155,11 @@ def _gram(D: Array) -> Array:
 
 
 def _steepness(change: Array, L: Array) -> Array:
-    """Return the change of J per path length of the unknowns, averaged over all directions. Shape (...).
+    """Return the change of J per unit path length of the unknowns, averaged over all directions. Shape (...).
 
     Args:
         change: Metric of the change of J in y. Shape (..., k, k).
-        L: Path of the unknowns per dy, in the norm that corresponds to the norm of J. Shape (..., n, k).
+        L: Map from dy to the path of the unknowns, in the norm that corresponds to the norm of J. Shape (..., n, k).
     """
     return np.asarray(np.sqrt(np.trace(change, axis1=-2, axis2=-1) / np.maximum((L * L).sum((-2, -1)), TINY)))
 
@@ -168,7 +168,7 @@ def _curvature(second: Array) -> Array:
     """Return M in ``|second(dy, dy)| <= dy^T M dy``, the error of linear predictions. (..., n, k, k) -> (..., k, k).
 
     The second derivative of z with respect to y is ``-J^+ (dJ/dy K)``, weighted. Its components along an orthonormal
-    basis are quadratic forms; each is bounded by the form with the absolute eigenvalues.
+    basis are quadratic forms; each is bounded by the form with the absolute values of its eigenvalues.
     """
     *lead, n, k, _ = second.shape
     _, sizes, forms = np.linalg.svd(second.reshape(*lead, n, -1), full_matrices=False)
@@ -182,7 +182,7 @@ class Anchors:
     """A growing table of anchors that can be searched by independent coordinates.
 
     Attributes:
-        turning: True for independent coordinates that return to the same pose after a full turn. Shape (k,).
+        turning: True for independent coordinates whose full turn leads back to the same pose. Shape (k,).
     """
 
     def __init__(self, k: int, n_z: int, angles: Flags) -> None:
@@ -205,7 +205,7 @@ class Anchors:
         return int(self.table["sheet"][: len(self)].max()) + 1
 
     def sheet_of(self, sheet: int) -> Indices:
-        """Return the anchors of a sheet, which lie on one branch wherever their balls meet."""
+        """Return the numbers of the anchors of a sheet, see `sheets`."""
         return np.flatnonzero(self.table["sheet"][: len(self)] == sheet)
 
     def add(self, anchor: Anchor, sheet: int) -> int:
@@ -224,11 +224,11 @@ class Anchors:
         self.table["sheet"][i] = sheet
 
     def shrink(self, i: int) -> None:
-        """Halve the ball of an anchor whose prediction failed."""
+        """Halve the radius of the ball of an anchor whose prediction failed."""
         self.table["W"][i] *= 4.0
 
     def turn(self, i: int) -> None:
-        """Mark independent coordinate i as returning to the same pose after a full turn."""
+        """Record that a full turn of independent coordinate i leads back to the same pose."""
         self.turning[i] = True
         self.lookups.clear()
         self.links.clear()
@@ -241,12 +241,12 @@ class Anchors:
         return way - TURN * np.rint(way / TURN) * self.turning if self.turning.any() else way
 
     def distance(self, y: Array, a: Indices | int) -> Array:
-        """Return the distances of y from anchors; 1 is the edge of a ball. Shapes (..., k), (...) -> (...)."""
+        """Return the distances of y from anchors, 1 at the edge of a ball. Shapes (..., k), (...) -> (...)."""
         way, W = self.difference(y, self.table["y"][a]), self.table["W"][a]
         return np.asarray(np.sqrt((np.matmul(way[..., None, :], W)[..., 0, :] * way).sum(-1)))
 
     def distances(self, y: Array, a: Indices) -> Array:
-        """Return the distances of samples with one or several points each. Shapes (n, ..., k), (n,) -> (n, ...)."""
+        """Return the distances of points from the anchor of their sample. Shapes (n, ..., k), (n,) -> (n, ...)."""
         squared = np.empty(y.shape[:-1])
         for rows, i in _groups(a):
             way = self.difference(y[rows], self.table["y"][i])
@@ -268,7 +268,7 @@ class Anchors:
         return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, norm, np.inf)
 
     def on_one_branch(self, a: int, b: int) -> bool:
-        """Return True if two anchors lie on one branch: the predictions of their intersecting balls agree half-way."""
+        """Return True if anchors with intersecting balls lie on one branch: if their predictions agree half-way."""
         if (a, b) not in self.links:
             way = self.difference(self[b].y, self[a].y)
             middle, pair = (self[a].y + 0.5 * way)[None], (np.array([a]), np.array([b]))
@@ -284,7 +284,7 @@ class Anchors:
     def cover(self, y: Array, sheet: int) -> tuple[Indices, Flags]:
         """Find the nearest anchors of a sheet, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
 
-        If y lies outside the ball of the nearest anchor, the best of the nearest eight anchors is chosen.
+        If y lies outside the ball of the nearest anchor, choose among the nearest eight anchors by `distance`.
         """
         look = self.lookups.get(sheet)
         if look is None or look.count != len(self):

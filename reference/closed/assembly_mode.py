@@ -1,4 +1,4 @@
-"""Computes closed poses on one assembly mode: along a motion, for samples in any order, or stepwise along a branch.
+"""Computes closed poses in one assembly mode: along a motion, for samples in any order, or stepwise along a branch.
 
 `AssemblyMode` starts at the home pose and follows motions (`Continuation`) or reaches samples in any order (`Region`);
 `BranchPose` continues from the last closed pose, wherever it is; `positions` is a shortcut for a single motion.
@@ -25,14 +25,14 @@ from screwgauge.reference.rotations import TURN, Array
 
 
 class AssemblyMode:
-    """Closed poses on the assembly mode of the home pose.
+    """Closed poses in the assembly mode of the home pose.
 
     Attributes:
-        system: Loop equations in which the coordinates that are constant on this mode are fixed.
+        system: Loop equations in which the coordinates that are constant in this mode are fixed.
     """
 
     def __init__(self, lay: Layout, *, strict: bool = False) -> None:
-        """Start at the home pose. With `strict`, every pose is followed along the motion or a straight path, even where
+        """Start at the home pose. With `strict`, every pose is reached along the motion or a straight path, even where
         a closed form exists. By default, samples that do not form a motion may be reached along other paths.
         """
         self.lay, self.system, self.columns = lay, home_equations(lay), lay.mechanism.independent_columns
@@ -59,7 +59,7 @@ class AssemblyMode:
             rates, drive: Derivatives of y, and the motion between these times, see `Continuation.predict`.
 
         Raises:
-            ClosureError: A loop cannot close, or every path leads over a singular pose.
+            ClosureError: A loop cannot close, or every path crosses a singular pose.
         """
         if (poses := self.in_closed_form(y)) is not None:
             return poses
@@ -85,7 +85,7 @@ class AssemblyMode:
         self.continuation.floor = multiple * self.continuation.anchors[0].beta
 
     def in_closed_form(self, y: Array) -> Poses | None:
-        """Compute poses of open trees, and of legs with a closed form on this mode; return None for all others."""
+        """Compute poses of open trees, and of legs that have a closed form in this mode; otherwise return None."""
         q, system, rows = self._in_closed_form(y), self.system, np.arange(len(y))
         if q is None:
             return None
@@ -99,7 +99,7 @@ class AssemblyMode:
         return None if self.strict else closed_form_positions(self.lay, y, self.system.fixed)
 
     def joints(self, poses: Poses) -> Array:
-        """Return predicted joint coordinates [rad or m]; cut joints are near intended angles. Shape (n, n_q)."""
+        """Return predicted joint coordinates [rad or m]; cut joints are near the intended angles. Shape (n, n_q)."""
         near = self._turn_home(poses.y) if poses.near is None else poses.near[poses.visit]
         near[:, self.columns] = poses.y * self.unit  # including given full turns
         return self.system.tree(poses.z, near)
@@ -119,7 +119,7 @@ class AssemblyMode:
         return near
 
     def _follow_anchors(self, z: Array, near: Array) -> Array:
-        """Return joint coordinates of the anchors along a path that starts near `near`. Shapes (v, n_z), (n_q,)."""
+        """Return joint coordinates of the anchors along a path that starts at about `near`. Shapes (v, n_z), (n_q,)."""
         q = self.system.tree(z, np.tile(near, (len(z), 1)))
         return follow_cut_joints(self.lay, q, near)
 
@@ -128,7 +128,7 @@ class AssemblyMode:
         return poses if poses.path is None else poses.path.refine(poses)
 
     def follow(self, poses: Poses) -> tuple[Array, ...]:
-        """Compute the closed poses next to predictions; return the dimensionless result of `newton`.
+        """Compute the closed poses near the predictions; return the dimensionless result of `newton`.
 
         Raises:
             ClosureError: A loop cannot be closed.
@@ -141,7 +141,7 @@ class AssemblyMode:
         return solution
 
     def close(self, poses: Poses) -> Array:
-        """Return joint coordinates of the closed poses next to predictions. Shape (n, n_q)."""
+        """Return joint coordinates of the closed poses near the predictions. Shape (n, n_q)."""
         return self.system.coordinates(self.follow(poses)[0], self.joints(poses))
 
     def motion(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Array:
@@ -159,7 +159,7 @@ MOST = 40
 class BranchPose:
     """A pose that moves along its branch; each step is predicted with the velocity map dq/dy.
 
-    A step may pass over a singular pose: the prediction continues straight on, unlike a branch that turns off there.
+    A step may pass over a singular pose; the prediction continues straight ahead, even if a branch bends away there.
     """
 
     def __init__(self, lay: Layout, q: Array) -> None:
@@ -231,7 +231,7 @@ class BranchPose:
 
 
 def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None) -> Array:
-    """Compute joint coordinates on the assembly mode of the home pose, see `AssemblyMode.motion`.
+    """Compute joint coordinates in the assembly mode of the home pose, see `AssemblyMode.motion`.
 
     Args:
         y: Independent coordinates [rad or m]. Shape (n, k).
@@ -242,12 +242,12 @@ def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None) -> Ar
         Coordinates of all joints [rad or m]. Shape (n, n_q).
 
     Raises:
-        ClosureError: A loop cannot close, or every path leads over a singular pose.
+        ClosureError: A loop cannot close, or every path crosses a singular pose.
     """
     return AssemblyMode(lay).motion(y, t, rates)
 
 
 def closed_form_positions(lay: Layout, y: Array, fixed: Collection[int] | None = None) -> Array | None:
-    """Return joint coordinates by `equations.closed_form`, or None if it fails. Shape (n, k) -> (n, n_q)."""
+    """Return joint coordinates computed with `equations.closed_form`, or None if it fails. Shape (n, k) -> (n, n_q)."""
     coordinates = closed_form(lay, y, NUMPY, fixed)
     return None if coordinates is None else read(lay, coordinates.q, near=False)

@@ -1,6 +1,6 @@
-"""Continues the home assembly mode along the curve of a motion between its samples.
+"""Follows the home assembly mode along a motion, including the curves between samples.
 
-If the path ends, the error names the sample and the reason. A `Region` handles samples in any order.
+If a path ends early, the error names the sample and the reason. A `Region` handles samples in any order.
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ class Poses:
     """Predictions of n closed poses; all are dimensionless except `near`.
 
     Attributes:
-        t: Times [s], or indices of samples in any order. Shape (n,).
+        t: Times [s], or sample indices if samples are in any order. Shape (n,).
         y: Independent coordinates. Shape (n, k).
         z: Unknowns, predicted to first order. Shape (n, n_z).
-        anchor: Anchor of each sample. Shape (n,).
+        anchor: Number of the anchor of each sample. Shape (n,).
         visit: Row of `near` for each sample. Shape (n,).
-        path: Owner of the anchors; None if poses have a closed form.
+        path: Continuation that has the anchors; None if poses have a closed form.
         near: Joint coordinates [rad or m] that select among equivalent angles of a cut joint; None if the angles depend
             on y alone. Shape (v, n_q).
         ordered: True if the samples form a sequence.
@@ -107,12 +107,12 @@ class Continuation(Walk):
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
             t: Times [s]. Shape (n,).
-            rates: Derivatives of y; between samples, the motion is the curve through both states. Without rates, or if
-                they are inconsistent with y, samples are poses that may be reached along any path. Shape (n, k) each.
+            rates: Derivatives of y; between two samples, the motion is the curve through their states. Without rates,
+                or if they are inconsistent with y, any path to a sample is allowed. Shape (n, k) each.
             drive: Motion between these times, see `newton.Motion`.
 
         Raises:
-            PathEnd: The motion reaches a pose where the loops cannot close, or passes over a singular pose.
+            PathEnd: The motion reaches a pose where the loops cannot close, or crosses a singular pose.
         """
         y, rates = y / self.size, None if rates is None else (rates[0] / self.size, rates[1] / self.size)
         return self._pass_samples(y, t, rates, None if drive is None else self._unitless(drive))
@@ -162,7 +162,7 @@ class Continuation(Walk):
         return covering, visit
 
     def _hop(self, a: int) -> bool:
-        """Move to an anchor of the same branch whose ball contains the current sample; return False if this fails."""
+        """Move to an anchor on the same branch whose ball contains the current sample; return False if this fails."""
         if a != self.at and not self.anchors.on_one_branch(self.at, a):
             return False
         if a != self.at:
@@ -170,7 +170,7 @@ class Continuation(Walk):
         return True
 
     def _curves(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> tuple[Array, Flags, Array]:
-        """Build curves to the samples, flags for curves that are the motion, and the motion's deviations at midpoints.
+        """Build curves to the samples, flags for curves that are the motion, and deviations of the motion at midpoints.
 
         Returns:
             Shapes (n, 6, k), (n,), (n, k).
@@ -188,7 +188,7 @@ class Continuation(Walk):
         ends: list[State] = [(x[0][some], x[1][some], x[2][some]) for x in [states] for some in (np.s_[:-1], np.s_[1:])]
         rows = slice(0 if known else 1, None)
         moving[rows] = are_consistent(h, *ends)
-        if drive is not None:  # the motion also leads from rest to rest
+        if drive is not None:  # the motion is also known between two states at rest
             moving[rows] |= (h > 0.0) & ~np.concatenate([x for end in ends for x in end[1:]], axis=1).any(axis=1)
         points[rows] = np.where(moving[rows, None, None], hermite(h, *ends), points[rows])
         if drive is not None and len(h):
@@ -196,9 +196,9 @@ class Continuation(Walk):
         return points, moving, miss
 
     def _link(self, curves: Array, miss: Array) -> tuple[Indices, Flags, Flags]:
-        """Find the anchors of samples, and flag samples inside the ball and samples linked to their predecessor.
+        """Find the anchor of each sample; flag samples inside its ball, and samples linked to their predecessor.
 
-        A sample is linked if its anchor and that of its predecessor lie on one branch and the curve from the
+        A sample is linked if its anchor and its predecessor's anchor lie on one branch and the curve from the
         predecessor, or each half of that curve, lies in one ball. Shape (n, 6, k).
         """
         anchors, y = self.anchors, curves[:, -1]
@@ -225,11 +225,11 @@ class Continuation(Walk):
         return np.asarray(inside)
 
     def _go(self, curve: Curve, *, moving: bool) -> None:
-        """Move to the end of a curve: along the curve if it is the motion, or else along any path to its end."""
+        """Move to the end of a curve, along the curve if it is the motion and along any path if it is not."""
         target, t = curve.points[-1], curve.t[1]
         length = float(np.abs(target - curve.points[0]).max(initial=0.0))
         if not length <= LONGEST:
-            what = f"the motion jumps by {length:.3g} (rad, or lengths of the mechanism) from one sample to the next"
+            what = f"the motion jumps by {length:.3g} (rad or mechanism lengths) from one sample to the next"
             raise ClosureError(what, f"t = {t:g} s", "use a smaller step")
         start, seen, home = self.at, len(self.visits), self.anchors[0].y
         ways = [(list[int](), curve)]
@@ -257,7 +257,7 @@ class Continuation(Walk):
         raise ends[0]
 
     def _straight_over(self, target: Array) -> bool:
-        """Move straight to the start of a motion, across singular poses; ignore branches that turn off there."""
+        """Move straight to the start of a motion, across singular poses; ignore branches that bend away there."""
         self.visits, self.at = [0], 0
         way = target - self.anchors[0].y
         for _ in range(LEAPS):
@@ -285,7 +285,7 @@ class Continuation(Walk):
         """Run `newton` from predictions; samples that `newton` moves too far become anchors.
 
         Raises:
-            PathEnd: Such a sample cannot be reached.
+            PathEnd: A sample that must become an anchor cannot be reached.
         """
         start, y = poses.z, poses.y
         if poses.ordered and len(y) > DENSE and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y):
@@ -304,7 +304,7 @@ class Continuation(Walk):
         """Improve predictions by turning some samples into anchors.
 
         Raises:
-            PathEnd: Such a sample cannot be reached.
+            PathEnd: A sample that must become an anchor cannot be reached.
         """
         y, anchor = poses.y, poses.anchor.copy()
         for i in np.unique(np.linspace(0, len(y) - 1, SOME).astype(int)).tolist():

@@ -44,11 +44,11 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
 
 
 def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
-    """Follow joint coordinates along a path such that coordinates of cut joints stay close to the preceding pose.
+    """Compute joint coordinates along a path such that the coordinates of cut joints change least between poses.
 
     Args:
         q: Joint coordinates, of which only tree coordinates are used. Shape (v, n_q).
-        near: Coordinates of the pose before the first. Shape (n_q,).
+        near: Joint coordinates of the pose that precedes the path. Shape (n_q,).
     """
     q = read(lay, q, near=False)
     for joint in lay.cuts:
@@ -94,7 +94,7 @@ class LoopEquations(Loops):
         return chart_conditions(self.closed(q))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Evaluate dimensionless residuals of loops and couplings, and their Jacobian; an `Evaluation` for `newton`.
+        """Evaluate dimensionless residuals of loops and couplings, and their Jacobian, as `newton` requires.
 
         If coordinates are fixed, also return the Jacobian that includes their columns, which come last.
 
@@ -117,7 +117,7 @@ class LoopEquations(Loops):
         return np.asarray(q[..., self.unknown] / self.sizes[self.unknown])
 
     def tree(self, z: Array, guess: Array) -> Array:
-        """Convert unknowns to joint coordinates; cut joints keep their guess."""
+        """Convert unknowns to joint coordinates; cut joints keep the guessed coordinates."""
         q = guess.copy()
         q[:, self.fixed] = self.lay.mechanism.home[self.fixed]
         q[:, self.unknown] = z * self.sizes[self.unknown]
@@ -133,7 +133,7 @@ class LoopEquations(Loops):
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
-        """Find the closed pose next to a prediction, and dq/dy [rad and m]; return None if the loops do not close.
+        """Find the closed pose near a prediction, and dq/dy [rad and m]; return None if the loops do not close.
 
         The coordinates of cut joints are chosen near the prediction.
         """
@@ -180,9 +180,9 @@ def home_equations(lay: Layout) -> LoopEquations:
 def resting_columns(lay: Layout) -> tuple[int, ...]:
     """Find the tree coordinates that keep their home value on the home branch, such as c of the symmetric leg.
 
-    Coordinates are analytic functions of y. A coordinate that is at rest at several general poses, in value and in
-    every first derivative, is at rest on the whole branch. The loops must still close to rounding if it is fixed, which
-    is also tested.
+    Coordinates are analytic functions of y. A coordinate that has its home value and zero first derivatives at several
+    poses in general position is at rest on the whole branch. As a check, the loops must still close to rounding when it
+    is fixed.
     """
     free = loop_equations(lay)
     # in single precision no trial would converge
@@ -211,7 +211,7 @@ def _may_rest(system: LoopEquations) -> bool:
 
 
 def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
-    """Compute closed poses in general position near home: unknowns, y and matrices; None if too few are found."""
+    """Return unknowns, y and matrices of closed poses in general position near home; None if too few are found."""
     columns = system.y_columns
     unit, k = system.sizes[columns], np.arange(len(columns))
     home = system.lay.mechanism.home[columns] / unit

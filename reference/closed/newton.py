@@ -35,7 +35,7 @@ PATIENCE = 12
 
 
 def has_stalled(before: Array | float, after: Array | float) -> NDArray[np.bool_]:
-    """Return True if a step did not reduce closure residuals that have reached rounding."""
+    """Return True if a step did not halve closure residuals that are already near rounding level."""
     return np.logical_and(np.less(before, NOISE), ~np.less(after, 0.5 * np.asarray(before)))
 
 
@@ -90,7 +90,7 @@ def velocity_map(A: Array, k: int) -> Array:
 
 Rows = NDArray[np.intp]
 
-EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # fourth-order derivative at the first of five samples
+EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # derivative, to fourth order, at the first of five samples
 CACHED = 2**14  # number of array elements processed at a time
 KNOTS = 4  # number of knots around a predicted sample, for a polynomial of degree seven
 
@@ -133,7 +133,7 @@ def predict_unknowns(y: Array, rows: Rows, z: Array, K: Array) -> Array:
 
 
 def slopes(y: Array) -> Array:
-    """Return the fourth-order derivative of a motion with respect to the sample index. Shape (n, k) -> (n, k)."""
+    """Return the derivative of a motion with respect to the sample index, to fourth order. Shape (n, k) -> (n, k)."""
     slope = np.gradient(y, axis=0)
     if len(y) > len(EDGE):
         slope[2:-2] -= np.diff(slope[1:-1], 2, axis=0) / 6.0
@@ -187,7 +187,7 @@ State = tuple[Array, Array, Array]
 Rates = tuple[Array, Array]
 """First and second derivatives of the independent coordinates. Shape (n, k) each."""
 Drive = Callable[[Array], State]
-"""Times (n,) -> the motion at these times."""
+"""Times (n,) -> the state at each time."""
 Motion = Callable[[Array], Any]
 """Times (n,) -> an object with y, yd and ydd at these times [rad or m]."""
 
@@ -235,7 +235,7 @@ def bent_paths(y0: Array, y1: Array) -> list[Array]:
 
 
 def are_consistent(h: Array, before: State, after: State) -> Array:
-    """Return True where derivatives fit a motion through both values, unlike in a mere list of poses. Shape (...)."""
+    """Return True where values and derivatives fit one motion rather than a mere list of poses. Shape (...)."""
     h = h[..., None]
     (y0, v0, a0), (y1, v1, a1) = before, after
     miss = y1 - y0 - 0.5 * h * (v0 + v1) + h * h * (a1 - a0) / 12.0
@@ -258,7 +258,7 @@ class Curve:
     drive: Drive | None = None
 
     def at(self, share: float) -> Array:
-        """Return the independent coordinates at a fraction of the time. Shape (k,)."""
+        """Return the independent coordinates at a fraction of the duration. Shape (k,)."""
         t0, t1 = self.t
         if self.drive is not None:
             return np.asarray(self.drive(np.array([t0 + share * (t1 - t0)]))[0][0])

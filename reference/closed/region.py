@@ -1,7 +1,7 @@
 """Closed poses for samples in any order: a region around the home pose, covered by anchors that spread from there.
 
-Samples that are not reached or lie under two sheets are flagged. Poses do not depend on earlier calls, but the set of
-samples that are not reached may. `continuation` follows motions, whose samples are in order.
+Samples that are not reached or lie under two sheets are flagged. Poses do not depend on earlier calls, but
+which samples are reached may depend on them. `continuation` follows motions, whose samples are in order.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Region(Continuation):
 
         Returns:
             Predictions; flags of samples that cannot be reached with at most `LARGEST` additional anchors, or without
-            passing near a singular pose; and flags of samples that also lie under a different sheet of the same piece,
-            so that y alone does not determine the pose. Shape (n,) each.
+            passing near a singular pose; and flags of samples that also lie under a different sheet, so
+            that y alone does not determine the pose. Shape (n,) each.
         """
         y = y / self.size
         self._look_for_turns(y)
@@ -66,7 +66,7 @@ class Region(Continuation):
         return covering
 
     def _try(self, y: Array, nearest: int, i: int) -> int | None:
-        """Reach an anchor of home's sheet along path i: from the nearest anchor, from home, or from another anchor."""
+        """Try to reach y in home's sheet; start at the nearest anchor (i = 0), at home (1) or at another anchor (2)."""
         first = len(self.anchors)
         self.at, self.left = (nearest, 0, self._anchor_nearby(y, 3))[i], MOST
         try:
@@ -78,7 +78,7 @@ class Region(Continuation):
         return None if reached is None or self.anchors.table["sheet"][reached] else reached
 
     def _flag_covered_twice(self, y: Array, anchor: Indices) -> Flags:
-        """Flag reached samples that also lie in balls of a different sheet of the same piece. Shape (n,)."""
+        """Flag reached samples that also lie in balls of a different sheet. Shape (n,)."""
         anchors, twice = self.anchors, np.zeros(len(y), dtype=bool)
         for sheet in range(1, anchors.sheets):
             if anchors.sheet_of(sheet).size:
@@ -113,7 +113,7 @@ class Region(Continuation):
         """Return predictions whose angles depend on y alone.
 
         With several independent coordinates, each angle is within half a turn of the value expected from y; with a
-        single independent coordinate, each angle is as it was followed from home.
+        single independent coordinate, each angle is continued from home.
         """
         anchors, table = self.anchors, self.anchors.table[: len(self.anchors)]
         z, home = anchors.predict(y, anchor), self.anchors[0]

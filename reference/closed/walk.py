@@ -1,7 +1,7 @@
 """Steps from anchor to anchor along straight paths and curves; each step stays in the ball of the preceding anchor.
 
-All anchors lie on the connected piece of regular closed poses that contains home: even the smallest step does not
-cross a singular pose.
+All anchors lie in the connected set of regular closed poses that contains home, because even the smallest step does
+not cross a singular pose.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SHORTEST = 1e-13
 MOST, EACH = 400, 20
 #: Largest number of halvings of a curve.
 DEEPEST = 48
-#: Largest number of Newton steps to an anchor, and residual from which the last step closes loops to less than `OPEN`.
+#: Largest number of Newton steps to an anchor, and residual below which one more step closes loops to less than `OPEN`.
 NEWTON, CLOSE = 8, 1e-6
 #: Largest change of the Jacobian in the last step, after which it is not reevaluated, relative to its smallest
 #: singular value.
@@ -72,7 +72,7 @@ class Walk:
             evaluate: Function that returns dimensionless residuals and their Jacobian, whose last k rows select y.
             start: Dimensionless unknowns, and independent coordinates [rad or m]. Shapes (n_z,), (k,).
             angles: True for unknowns, and for independent coordinates, that are angles. Shapes (n_z,), (k,).
-            size: Units of independent coordinates. Shape (k,).
+            size: Scales of the independent coordinates. Shape (k,).
             resting: True if `evaluate` also returns the Jacobian that includes the columns of coordinates at rest.
             strict: Join samples that do not form a motion by straight paths only.
 
@@ -102,7 +102,7 @@ class Walk:
         self.begun = begun
 
     def _step(self, target: Array) -> None:
-        """Move to an anchor nearer to a target: a known anchor of the same branch, or a new anchor."""
+        """Move to an anchor nearer to a target: a known anchor on the same branch, or a new anchor."""
         anchors, anchor = self.anchors, self.anchors[self.at]
         if not self.left:
             raise Blocked(singular=False)
@@ -157,10 +157,10 @@ class Walk:
         return True
 
     def _measure(self, z: Array, y: Array, residual: Array, J: Array, base: Anchor | None = None) -> Anchor | None:
-        """Measure an anchor with Newton's method from a nearby pose; return None if the method does not converge.
+        """Compute an anchor with Newton's method from a nearby pose; return None if the method does not converge.
 
-        The Jacobian is also evaluated around the penultimate pose; the last step uses it, unless that step would change
-        the Jacobian, as even the smallest step does next to a singular pose.
+        The Jacobian and its derivatives are evaluated at the penultimate pose and kept, unless the last step would
+        change the Jacobian, as even the smallest step does near a singular pose.
         """
         k, gap, closed = len(y), float(np.abs(residual).max(initial=0.0)), False
         for _ in range(NEWTON):
@@ -228,7 +228,7 @@ class Walk:
         self._follow_curve(right, depth + 1)
 
     def _predict_beyond(self, y: Array) -> Anchor | None:
-        """Predict an anchor just beyond a singular pose from regular directions; return None if the loops stay open."""
+        """Predict an anchor just beyond a singular pose in regular directions; return None if the loops stay open."""
         anchor, k = self.anchors[self.at], len(y)
         _, J, *_ = self.evaluate(anchor.z[None], anchor.y[None])
         start = anchor.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - anchor.y)
@@ -257,7 +257,7 @@ class Walk:
         return path
 
     def _exactly(self, y: Array, a: int, near: Array) -> Array:
-        """Compute the unknowns of a sample in the ball of an anchor, in steps up to the sample itself. Shape (n_z,)."""
+        """Compute the unknowns of a sample in the ball of an anchor, stepping up to the sample itself. Shape (n_z,)."""
         at, visits, self.at, self.left = self.at, self.visits[:], a, MOST
         try:
             short = SHORTEST * max(1.0, float(np.abs(y).max()))
@@ -314,7 +314,7 @@ class Walk:
 
 
 def is_at_most(A: Array, limit: float) -> bool:
-    """Return True if a matrix is finite and its 2-norm is within a limit; the larger Frobenius norm often suffices."""
+    """Return True if a matrix is finite and its 2-norm is within a limit; test the larger Frobenius norm first."""
     if not np.isfinite(A).all():
         return False
     return bool(np.linalg.norm(A) <= limit or np.linalg.norm(A, 2) <= limit)

@@ -35,7 +35,7 @@ def wrenches_on_bodies(at: Dynamics) -> Array:
 
 
 def forces_along(at: Dynamics) -> Array:
-    """Return the forces of joint springs, motors, losses and `Dynamics.given_forces`. Shape (..., n_q)."""
+    """Return the forces of joint springs, motors, damping, friction and `Dynamics.given_forces`. Shape (..., n_q)."""
     along, coordinates = zeros(at.q, at.q.shape[-1]), at.mechanism.coordinates
     for spring in (one for one in at.applied.springs if isinstance(one, JointSpring)):
         c = coordinates.index(spring.coordinate)
@@ -77,7 +77,7 @@ def point(at: Dynamics, body: int, arm: Array) -> Array:
 
 
 def ends(at: Dynamics, spring: PointSpring) -> list[tuple[int, Array]]:
-    """Return the bodies at both ends of a spring, and the world positions of its end points. Shape (..., 3)."""
+    """Return the body at each end of a spring, and the world position of the end point, shape (..., 3)."""
     index = at.mechanism.body_index
     return [(index[body], point(at, index[body], arm)) for body, arm in spring.ends]
 
@@ -108,12 +108,12 @@ def stretch_rate(at: Dynamics, spring: Spring) -> Any:
 
 
 def tension(at: Dynamics, spring: Spring) -> Any:
-    """Return the tension ``k (l - l0) + c ld``; for a joint spring, it opposes the coordinate. Shape (...)."""
+    """Return the tension ``k (l - l0) + c ld``, or the force of a joint spring against its coordinate. Shape (...)."""
     return spring.pull(spring_length(at, spring), stretch_rate(at, spring))
 
 
 def resisting_force(at: Dynamics, one: Resistance) -> Any:
-    """Return the force of a rotor, damper or dry friction along its coordinate. Shape (...)."""
+    """Return the force by which a rotor, damper or dry friction resists motion of its coordinate. Shape (...)."""
     if one.what == "rotor":
         return one.amount * at.joint_acceleration[..., one.column]
     rate = at.joint_rate(one.coordinate)

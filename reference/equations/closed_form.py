@@ -1,4 +1,4 @@
-"""Solves the inverse kinematics of U-P-S and U-P-U legs in closed form for a given pose of the carried body."""
+"""Solves the inverse kinematics of U-P-S and U-P-U legs in closed form for a given pose of the output body."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from screwgauge.reference.equations.screws import Array, dot, times, transpose
 from screwgauge.reference.graph import Edge, Layout, serial_chains
 from screwgauge.reference.mechanism import Joint
 
-#: Largest distance from home on the home branch: home is given to ten digits, and other branches are farther away.
+#: Largest distance from home that counts as zero: home is given to ten digits, and other branches are farther away.
 HOME = 1e-8
 
 
@@ -62,7 +62,7 @@ def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
 
 
 def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
-    """Return True for U-P-U or U-P-S legs whose slide passes both centres, normal to the axes of the first U joint."""
+    """Return True for U-P-U or U-P-S legs that slide from centre to centre, normal to the axes of the first U joint."""
     kinds = "".join(edge.joint.kind for edge in chain)
     if kinds not in ("UPU", "UPS") or any(edge.reverse for edge in chain):
         return False

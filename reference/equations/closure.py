@@ -45,13 +45,13 @@ class Loops:
     """The loops of a layout, independent of the pose.
 
     Attributes:
-        fixed: Columns of coordinates that never move on the home assembly mode.
+        fixed: Columns of coordinates that never move in the home assembly mode.
         columns: Columns of the tree in the order of the unknowns; fixed columns come last.
         moving: Number of moving columns.
-        names: Label and unit of each row of the cut joints, i.e. of their constraint wrenches.
+        names: Label and unit of each constraint wrench of the cut joints, one per row.
         ends: Boundaries of rows: cut joint j has the rows ``ends[j]:ends[j + 1]``.
         given: Rows of the given coordinates.
-        unit, size: Units of rows and scales of unknowns: 1 for angles, the length of the mechanism for distances.
+        unit, size: Scales of rows and of unknowns: 1 for angles, the length of the mechanism for distances.
     """
 
     def __init__(self, lay: Layout, fixed: Sequence[int] = ()) -> None:
@@ -95,12 +95,12 @@ class Closed:
         ]
 
     def rates_around(self, j: int, W: Array) -> tuple[list[int], Array]:
-        """Return columns of cut joint j's loop, and the power of its wrenches per rate of each column, (..., m, c)."""
+        """Return the columns of cut joint j's loop, and the power of wrenches W per unit rate of each, (..., m, c)."""
         columns, signs = self.loops.around[j]
         return [self.loops.place[c] for c in columns], powers(W, self.pose.S[..., columns, :]) * signs
 
     def reading(self, column: int) -> tuple[list[int], Array]:
-        """Return the tree columns that determine a coordinate's rate, and its slopes in their rates, (..., 1, c)."""
+        """Return the tree columns that determine a coordinate's rate, and its rate per unit rate of each. (..., c)."""
         if column in self.loops.place:
             return [self.loops.place[column]], np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         j, i = self.loops.owner[column]
@@ -108,7 +108,7 @@ class Closed:
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """Matrix M: eq. (15) of each loop with reciprocal products, eq. (8), slopes of couplings, selection of y."""
+        """Blocks of M: eq. (15) of each loop in reciprocal products (eq. 8), slopes of couplings, selection of y."""
         loops, one = self.loops, np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         blocks: list[Block] = [
             (slice(loops.ends[j], loops.ends[j + 1]), *self.rates_around(j, cut.W)) for j, cut in enumerate(self.cuts)
@@ -159,7 +159,7 @@ class Closed:
         return full
 
     def solve(self, given: Array, above: Array | None = None) -> Array:
-        """Solve for tree coordinates; the right-hand side is `above` (or zeros) and `given`. Shape (..., n_q)."""
+        """Solve for tree coordinates; the right-hand side stacks `above` (or zeros) and `given`. Shape (..., n_q)."""
         n = self.loops.given.start
         top = np.zeros((*given.shape[:-1], n), dtype=given.dtype) if above is None else above
         return self.spread(self.system.solve(join(top, given)))
@@ -184,7 +184,7 @@ class Closed:
         return self._with_cuts(w, lambda cut: cut.rates(V))
 
     def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
-        """Assemble all coordinates: tree coordinates, and coordinates of cut joints from their two bodies."""
+        """Assemble the values of all coordinates from `tree` and, for cut joints, from `of_cut`."""
         joined = tree + 0.0
         for cut in self.cuts:
             joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
@@ -192,7 +192,7 @@ class Closed:
 
 
 class Motion(Closed):
-    """Velocities and accelerations at a closed pose; each is computed on first access.
+    """Velocities and accelerations at a closed pose, computed on first access.
 
     Attributes:
         yd: Rates of the independent coordinates. Shape (..., k).
@@ -230,7 +230,7 @@ class Motion(Closed):
 
     @cached_property
     def partial(self) -> list[Array]:
-        """Twists of the bodies per rate of each independent coordinate. Shape (..., b, 6) each."""
+        """Twists of the bodies per unit rate of each independent coordinate. Shape (..., b, 6) each."""
         return [twists(self.pose, self.K[..., j, :]) for j in range(self.K.shape[-2])]
 
     @cached_property
@@ -245,7 +245,7 @@ class Motion(Closed):
         return outward(self.pose, self.w, 0.0 * self.w)
 
     def accelerations(self, ydd: Array) -> Array:
-        """Return tree second derivatives, given those of the independent coordinates, eq. (48). Shape (..., n_q)."""
+        """Return the second derivatives of the tree coordinates, given those of y, eq. (48). Shape (..., n_q)."""
         above, given, w = list[Array](), ydd + 0.0, self.w
         for cut in self.cuts:
             above.append(-cut.bias(self.V, self.bias))
@@ -284,7 +284,7 @@ class Motion(Closed):
 
     @property
     def com(self) -> Array:
-        """Centres of mass. Shape (..., b - 1, 3)."""
+        """Positions of the centres of mass. Shape (..., b - 1, 3)."""
         return self.pose.com
 
     @cached_property
@@ -313,7 +313,7 @@ class Motion(Closed):
         return self.accelerations_of_joints(self.beta, self.moved)
 
     def accelerations_of_joints(self, beta: Array, moved: BodyAccelerations) -> Array:
-        """Return all second derivatives, given those of the tree, and body accelerations. Shape (..., n_q)."""
+        """Return all second derivatives, given those of the tree and the body accelerations. Shape (..., n_q)."""
         return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, moved))
 
     @cached_property

@@ -64,7 +64,7 @@ class CutJoint:
 
     @cached_property
     def D(self) -> Array:
-        """Wrenches dual to the joint's screws, used to read its rates and to drive it. Shape (..., f, 6)."""
+        """Wrenches dual to the joint's screws, which yield its rates and transmit its forces. Shape (..., f, 6)."""
         return dual_wrenches(self.at, self.S)
 
     def rates(self, V: Array) -> Array:
@@ -72,12 +72,12 @@ class CutJoint:
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
     def _angular(self, V: Array, moved: BodyAccelerations) -> Array:
-        """Return child minus parent angular acceleration, without the joint's brackets, eq. (44). Shape (..., 3)."""
+        """Return the relative angular acceleration without ``w_parent x w_child``, eq. (44). Shape (..., 3)."""
         turning = cross(V[..., self.parent, :3], V[..., self.child, :3])
         return np.asarray(moved.angular(self.child) - moved.angular(self.parent) - turning)
 
     def _linear(self, V: Array, moved: BodyAccelerations) -> Array:
-        """Return the relative linear acceleration at the joint's point on the child. Shape (..., 3)."""
+        """Return the relative linear acceleration of the joint's point on the child. Shape (..., 3)."""
         joint, (before, after) = self.at.joint, (V[..., body, :] for body in (self.parent, self.child))
         linear = moved.linear(self.child, joint.child_frame.p) - moved.linear(self.parent, joint.parent_frame.p)
         if self.at.slides:
@@ -122,7 +122,7 @@ class CutJoint:
             along: Forces along the joint's coordinates. Shape (..., f).
 
         Returns:
-            Body, frame of the joint on that body, force and moment; shape (..., 3) each.
+            For each body: its index, the joint's frame on it, force and moment, shape (..., 3) each.
         """
         kind, joint = self.at.type, self.at.joint
         directions = kind.forces(self.at)

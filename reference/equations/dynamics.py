@@ -1,7 +1,7 @@
 """Forces of a closed mechanism in motion (section 5 of the paper): Newton-Euler, virtual power, all reactions.
 
-Corrections to the paper: gravity enters as ``m (a - g)``; lever arms lead from the centre of mass to the point of
-action; the moment of the U-joint's wrist and ``(O - P) x F_S`` are included; and the sign of the load is that of its
+Corrections to the paper: gravity enters as ``m (a - g)``; lever arms run from the centre of mass to the point of
+application; the moment of the U-joint's wrist and ``(O - P) x F_S`` are included; and the load has the sign of its
 action on the platform.
 """
 
@@ -36,7 +36,7 @@ from screwgauge.reference.rotations import across_direction
 
 
 class Dynamics(Motion):
-    """Forces at a closed pose in motion.
+    """Forces of a mechanism in motion at a closed pose.
 
     Attributes:
         applied: Gravity, loads, springs, dampers and motors.
@@ -80,11 +80,11 @@ class Dynamics(Motion):
 
     @cached_property
     def applied_along(self) -> Array:
-        """Forces of springs, dampers, motors and given forces along all coordinates. Shape (..., n_q)."""
+        """Forces along all coordinates: springs, dampers, friction, motors and given forces. Shape (..., n_q)."""
         return forces_along(self)
 
     def along_tree(self, along: Array) -> Array:
-        """Convert forces along all joints to tree forces with the same power. Shape (..., n_q) -> (..., n)."""
+        """Convert forces along all coordinates to tree coordinates at equal power. Shape (..., n_q) -> (..., n)."""
         tau = along[..., self.loops.columns]
         for column in self.loops.owner:
             if not is_absent(along[..., column]):
@@ -93,7 +93,7 @@ class Dynamics(Motion):
         return tau
 
     def demand(self, need: Array, acting: Array) -> Array:
-        """Return the tree forces that actuators and constraints must supply. Shape (..., n).
+        """Return the forces along tree coordinates that actuators and constraints must supply. Shape (..., n).
 
         Args:
             need: Wrenches that the bodies need for their motion, see `required`. Shape (..., b, 6).
@@ -118,16 +118,16 @@ class Dynamics(Motion):
 
     @cached_property
     def along(self) -> Array:
-        """`acting` in this motion. Shape (..., n_q)."""
+        """Result of `acting` for this motion. Shape (..., n_q)."""
         return self.acting(self.beta, self.moved)
 
     @cached_property
     def tau(self) -> Array:
-        """Forces along the tree that actuators and constraints must supply in this motion. Shape (..., n)."""
+        """Forces along tree coordinates that actuators and constraints must supply in this motion. Shape (..., n)."""
         return self.demand(self.required, self.along)
 
     def virtual_power(self, tau: Array) -> Array:
-        """Project tree forces on y, ``K^T tau``; accurate even near constraint singularities. Shape (..., k)."""
+        """Project forces along the tree onto y, ``K^T tau``; accurate near constraint singularities. Shape (..., k)."""
         return times(self.K[..., self.loops.columns], tau)
 
     @cached_property
@@ -139,7 +139,7 @@ class Dynamics(Motion):
 
     @cached_property
     def B(self) -> Array:
-        """Rates of the actuated coordinates per rate of each independent coordinate. Shape (..., n_act, k)."""
+        """Rates of the actuated coordinates per unit rate of each independent coordinate. Shape (..., n_act, k)."""
         K, rows = self.K[..., self.loops.columns], list[Array]()
         for column in self.mechanism.actuated_columns:
             places, row = self.reading(column)
@@ -161,7 +161,7 @@ class Dynamics(Motion):
 
     @cached_property
     def per_actuator(self) -> Array:
-        """Rates of the driven coordinates per rate of each actuator, ``B^-1``. Shape (..., n_driven, n_act).
+        """Rates of the driven coordinates per unit rate of each actuator, ``B^-1``. Shape (..., n_driven, n_act).
 
         For redundant actuators, the matrix is ``B^+``, whose transpose gives minimum-norm forces; undriven coordinates
         are at rest.
@@ -180,7 +180,7 @@ class Dynamics(Motion):
 
     @cached_property
     def jacobian(self) -> Array:
-        """Twists of the bodies about their origins, and velocities of `points`, per rate of each actuator.
+        """Twists of the bodies about their origins, and velocities of `points`, per unit rate of each actuator.
 
         Returns:
             Entries of the matrix, row by row. Shape (..., (6 (b - 1) + 3 n_point) n_act).
@@ -201,7 +201,7 @@ class Dynamics(Motion):
 
     @cached_property
     def drive(self) -> System:
-        """System matrix for the actuator forces: ``B^T`` above the rule of eq. (56), or B's smaller Gram matrix."""
+        """System matrix for the actuator forces: ``B^T`` on top of the rule of eq. (56), or B's smaller Gram matrix."""
         BT = transpose(self._B)
         if self.line is not None:
             return self.ops.square(stack(BT, self.line[0]))
@@ -239,8 +239,8 @@ class Dynamics(Motion):
     def axis_moment(self) -> Array:
         """Forces along all coordinates that the two bodies of each joint transmit to each other. Shape (..., n_q).
 
-        They are the sum of actuators, springs, dampers, motors and resistance, minus rotor inertia. They exclude
-        coupling forces, which are components of `reaction`.
+        They are the forces of actuators, springs, dampers, friction and motors, minus rotor inertia. Coupling forces
+        are components of `reaction`.
         """
         return self.along_joints(self.actuator_force) + self.along
 
@@ -252,7 +252,7 @@ class Dynamics(Motion):
 
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
-        """Transverse force of a joint (eq. 56) per actuator force, and at zero actuator force.
+        """Transverse force of a joint (eq. 56) per unit actuator force, and minus its value at zero actuator force.
 
         None under the minimum-norm rule.
         """
@@ -275,11 +275,11 @@ class Dynamics(Motion):
         return self.reactions(self.actuator_force)
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
-        """Return the reactions to actuator forces; `idle` omits all other forces. Shape (..., n_act) -> (..., r)."""
+        """Return the reactions to actuator forces; with `idle`, to these alone. Shape (..., n_act) -> (..., r)."""
         return self.constraint_forces(f, idle=idle)[0]
 
     def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, Array, Array]:
-        """Return reaction components, tree forces that joints transmit, and multipliers of the rows of M.
+        """Return reaction components, forces that joints transmit along tree coordinates, and multipliers of M's rows.
 
         The multipliers are the unknowns of eq. (57): ``M^T x = tau`` yields the forces at cut joints, from which all
         other forces follow. For redundant constraints, x is the minimum-norm solution, with moments divided by the
@@ -320,16 +320,16 @@ class Dynamics(Motion):
 
     @cached_property
     def _redundant(self) -> list[tuple[Array, Array]]:
-        """Null vectors of the rows of M (internal forces), each with its scaled reaction components."""
+        """Null vectors of ``M^T`` (internal forces), each with its scaled reaction components."""
         null = self.system.null()
         nothing, rest = 0.0 * self.required, zeros(self.q, self.q.shape[-1])
         rows = [null[..., i, :] for i in range(null.shape[-2])]
         return [(x, self.transmitted(x, nothing, rest)[0] / self._arms) for x in rows]
 
     def transmitted(self, x: Array, need: Array, along: Array) -> tuple[Array, Array]:
-        """Return reaction components of all joints, and tree forces including drives. Shapes (..., r), (..., n_q).
+        """Return reaction components, and all forces along tree coordinates. Shapes (..., r), (..., n_q).
 
-        The components are the powers on the twists that joints forbid, and the coupling forces.
+        The components are powers on the unit twists that joints forbid, followed by coupling forces.
 
         Args:
             x: Forces along the rows of M. Shape (..., m).
@@ -354,7 +354,7 @@ class Dynamics(Motion):
         """Return forces along all coordinates of an open tree due to inertia and gravity. Shape (..., n_q).
 
         Args:
-            shares: Signed share of each body that each coordinate carries. Shape (b - 1, n_q).
+            shares: Fraction, with sign, of each body that each coordinate carries. Shape (b - 1, n_q).
         """
         along, elsewhere = inward(self.pose, self.required)[0], shares - self.loops.lay.path[1:]
         if elsewhere.any():

@@ -36,7 +36,7 @@ class Forward(Dynamics):
 
     @cached_property
     def partial_motion(self) -> tuple[Array, Array]:
-        """Velocities of centres of mass, and angular velocities in body axes, per rate of y. (..., k, b - 1, 3)."""
+        """Velocities of mass centres, and angular velocities in body axes, per unit rate of y. (..., k, b - 1, 3)."""
         each = [V[..., 1:, :] for V in self.partial]
         turn = transpose(self.pose.R[..., 1:, :, :])
         return (
@@ -52,7 +52,7 @@ class Forward(Dynamics):
 
     @cached_property
     def inertia_matrix(self) -> Array:
-        """Inertia matrix M of the kinetic energy ``yd M yd / 2``, from partial motions. Shape (..., k, k)."""
+        """Inertia matrix M in the kinetic energy ``yd M yd / 2``, computed from partial motions. Shape (..., k, k)."""
         (v, w), (mv, Jw), mechanism = self.partial_motion, self._partial_momenta, self.mechanism
         k = v.shape[-3]
         M = zeros(self.K[..., 0], k, k)
@@ -74,7 +74,7 @@ class Forward(Dynamics):
 
     @cached_property
     def neutral(self) -> Array:
-        """Motions of y that do not move any actuator; one per idle coordinate, with unit rate. Shape (..., k, m)."""
+        """Rates of y that move no actuator: one column per idle coordinate, whose rate is 1. Shape (..., k, m)."""
         unit, idle, driven = self.loops.sizes[self.loops.y_columns], [*self.idle], self.driven
         N, moved = zeros(self.B[..., 0], len(unit), len(idle)), -self.rates_of_actuators[..., idle]
         if self._oversteered:
@@ -86,7 +86,7 @@ class Forward(Dynamics):
 
     @cached_property
     def steering(self) -> System:
-        """Dimensionless actuator rates per rate of the driven coordinates, or their Gram matrix."""
+        """Dimensionless actuator rates per unit rate of the driven coordinates, or their Gram matrix."""
         B = self.rates_of_actuators[..., self.driven]
         return self.ops.square(transpose(B) @ B if self._oversteered else B)
 
@@ -139,7 +139,7 @@ class Forward(Dynamics):
 
     @cached_property
     def momenta(self) -> list[tuple[Array, Array]]:
-        """Linear, angular and rotor velocities per rate of each y, and their momenta. Shape (..., k, n) each."""
+        """Linear, angular and rotor velocities per unit rate of each y, and their momenta. Shape (..., k, n) each."""
         mechanism, pairs = self.mechanism, zip(self.partial_motion, self._partial_momenta, strict=True)
         flat = [(_flat(velocity), _flat(momentum)) for velocity, momentum in pairs]
         if (turning := np.flatnonzero(mechanism.rotors)).size:
@@ -168,7 +168,7 @@ class Forward(Dynamics):
 
     @cached_property
     def inertia_gain(self) -> Any:
-        """Condition of M at unit diagonal; if k = 1, inertia of the total mass at full length divided by M. (...)."""
+        """Squared norm of the inverse of M at unit diagonal; if k = 1, total mass at full length over M. (...)."""
         if self.K.shape[-2] == 1:
             size = self.loops.sizes[self.loops.y_columns[0]]
             return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
@@ -216,7 +216,7 @@ def _flat(x: Array) -> Array:
 
 
 def balances(com: Array, W: Array) -> Array:
-    """Stack wrenches on bodies, moments about centres of mass, eqs. (53)-(55). (..., b, 6) -> (..., 6 b - 6)."""
+    """Stack wrenches on bodies, with moments about centres of mass, eqs. (53)-(55). (..., b, 6) -> (..., 6 b - 6)."""
     W = W[..., 1:, :]
     moved = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
     return moved.reshape(*moved.shape[:-2], 6 * moved.shape[-2])
@@ -232,7 +232,7 @@ def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
 
 
 def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
-    """Return the wrenches on all bodies of unit forces along joint coordinates, eq. (8).
+    """Return the wrenches that unit forces along joint coordinates exert on all bodies, eq. (8).
 
     The force along one coordinate does not exert power on the joint's remaining coordinates.
 
@@ -262,7 +262,7 @@ def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
     """Build the matrix c of eq. (57): wrench of each unknown on each body, see `balances`.
 
     Unknowns are the reaction components, in the order of `reaction_names`, followed by the actuator forces. A coupling
-    ``q_i = sum_k p_k(q_k)`` acts with 1 along q_i and -p_k' along q_k, so that its power is zero.
+    ``q_i = sum_k p_k(q_k)`` acts with force 1 along q_i and -p_k' along q_k, so that its power is zero.
 
     Args:
         q, S: Coordinates and unit screws of all joints. Shapes (n, n_q), (n, n_q, 6).
@@ -287,7 +287,7 @@ def preload_space(B: Array) -> Array:
 class NewtonEuler:
     """System of eq. (57) at n samples, with additional rows that determine redundant actuators.
 
-    Moments are divided by the mechanism's length, as equations and as unknowns; therefore, that length does not matter.
+    Moments are divided by the mechanism's length in equations and unknowns, so that units of length do not matter.
 
     Attributes:
         c: System matrix, see `force_matrix`.
@@ -318,7 +318,7 @@ class NewtonEuler:
         return rows
 
     def scaled(self, c: Array) -> Array:
-        """Scale the system with matrix c, which may have a wider format. Shape (n, 6 (b - 1) + l, m)."""
+        """Scale the system with matrix c, which may be in higher precision. Shape (n, 6 (b - 1) + l, m)."""
         return np.concatenate([c / self.rows[:, None], self.rule.astype(c.dtype)], axis=1) * self.size
 
     @cached_property
@@ -333,12 +333,12 @@ class NewtonEuler:
     def solve(self, need: Array, wide: Array | None = None) -> Array:
         """Solve eq. (58) for all constraint and actuator forces, given the required wrenches, see `balances`.
 
-        Near a singular pose, large unknowns cancel in the equations, but rounding errors of c do not: one step of
-        iterative refinement, with the residual computed from a wider c, recovers the lost digits.
+        Near a singular pose, large unknowns cancel in the equations, but rounding errors of c do not. One step of
+        iterative refinement, with the residual computed from a more precise c, recovers the lost digits.
 
         Args:
             need: Required wrenches for p cases. Shape (n, 6 (b - 1), p).
-            wide: Matrix c in a wider format.
+            wide: Matrix c in higher precision.
 
         Returns:
             Forces in the order of c's columns. Shape (n, m, p).

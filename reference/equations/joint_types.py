@@ -1,9 +1,9 @@
 """Joint types; each entry of `TYPES` defines the mechanics of one kind of joint.
 
-A joint transmits the wrenches that have zero power on its screws (eq. 8). They close the loop of a cut joint and are
+A joint transmits the wrenches that have zero power on its screws (eq. 8). These close the loop of a cut joint and are
 the components of its reaction. Their directions are orthonormal and act at the joint's point on the child, so that a
 component is also the power of the joint's total wrench on the unit twist that it forbids. Wrenches dual to the screws
-of a joint are used to read its rates and to drive it.
+of a joint yield its rates and transmit its forces.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from screwgauge.reference.mechanism import KINDS, Frame, Joint, by_role
 from screwgauge.reference.rotations import across, nearest_angles, sequence_angles
 
 Value = tuple[Any, Any]
-"""Sine and cosine of an angle; length of a slide, and None."""
+"""Sine and cosine of an angle, or displacement of a slide and None."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class JointPose:
     """Frames of a joint on its parent and on its child, in world axes. Shapes (..., 3, 3), (..., 3).
 
     Attributes:
-        world: World orientation of the axes in which the frames are expressed, if not world axes.
+        world: World orientation of the axes in which the frames are expressed, unless these are world axes.
     """
 
     joint: Joint
@@ -66,7 +66,7 @@ class JointPose:
 
     @cached_property
     def slides(self) -> list[Array]:
-        """Sliding directions at zero preceding angles, which are rotations about these directions."""
+        """Sliding directions, which do not depend on the angles before them."""
         return [times(self.R_parent, axis) for turns, axis in self.joint.freedoms if not turns]
 
 
@@ -116,7 +116,7 @@ def _across(at: JointPose) -> Array:
 
 
 def _normal(at: JointPose) -> Array:
-    """Return the common normal of both axes."""
+    """Return the common normal of the two axes."""
     return cross(at.first, at.last)[..., None, :]
 
 
@@ -127,19 +127,19 @@ def _along(at: JointPose) -> Array:
 
 @lru_cache(maxsize=4096)
 def _directions_across(joint: Joint) -> tuple[Sequence[str], Array]:
-    """Return labels and directions orthogonal to the first axis."""
+    """Return the labels and directions of two axes orthogonal to the joint's first axis."""
     return across(joint.axes[0])
 
 
 @lru_cache(maxsize=4096)
 def _named_axis(joint: Joint) -> tuple[str, Array]:
-    """Return label and direction of the axis; if it is parallel to an axis of the joint frame, it has that label."""
+    """Return the label (x, y or z; empty if oblique in the joint frame) and the direction of the joint axis."""
     axis = joint.axes[0]
     named = np.flatnonzero(axis)
     return ("xyz"[named[0]], np.eye(3, dtype=axis.dtype)[named[0]]) if len(named) == 1 else ("", axis)
 
 
-# Small rotations by which a cut joint is open along its constraint moments, (..., 3) in world axes.
+# Small rotations between the two sides of a cut joint that is not closed, (..., 3) in world axes.
 
 
 def _tilt(at: JointPose) -> Array:
@@ -148,7 +148,7 @@ def _tilt(at: JointPose) -> Array:
 
 
 def _turn(at: JointPose) -> Array:
-    """Return the residual of two frames that should be parallel."""
+    """Return the rotation between two frames that should be parallel."""
     M = at.R_child @ transpose(at.R_parent)
     twice = M - transpose(M)
     return np.asarray(0.5 * np.stack([twice[..., 2, 1], twice[..., 0, 2], twice[..., 1, 0]], axis=-1))
@@ -162,7 +162,7 @@ def _skew(at: JointPose) -> Array:
 # Angles about the first axes of an orthogonal triad from ``M = Rot(x, q1) Rot(y, q2) Rot(z, q3)``.
 
 Angles = Callable[[Array, Any, Callable[[Any], Any]], list[Value]]
-"""M, the sign of cos q2, and the square root -> sines and cosines."""
+"""M, the sign of cos q2, and the square-root function -> sines and cosines."""
 
 
 def _no_angle(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
@@ -195,10 +195,10 @@ class JointType:
 
     Attributes:
         forces, moments: Directions of the constraint forces and moments.
-        open: Small rotation along the moments by which the cut joint is open.
-        angles: Angles of the cut joint.
-        own: Function that computes the power of the brackets of the joint's screws on its last constraint wrench from
-            its rates, for eq. (48); the power on all other wrenches is zero. None if it is zero on all wrenches.
+        open: Function that returns the small rotation between the two sides of a cut joint that is not closed.
+        angles: Function that returns the angles of the cut joint.
+        own: Function of the rates that returns the power of the Lie brackets of the joint's screws on the last
+            constraint wrench, for eq. (48); the power on all other wrenches is zero. None if every power is zero.
     """
 
     forces: Callable[[JointPose], Array]
@@ -221,7 +221,7 @@ TYPES = {
 
 
 def components(joint: Joint) -> list[tuple[str, str]]:
-    """List label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
+    """Return the label and unit of each constraint wrench, e.g. ``fx`` and N, ``m1`` and N m."""
     kind, directions, axis = TYPES[joint.kind], _directions_across(joint)[0], _named_axis(joint)[0]
     labels: dict[Any, Sequence[str]] = {_world: "xyz", _child: "xyz", _across: directions, _normal: [""], _none: ""}
     labels[_along] = [axis]
@@ -230,7 +230,7 @@ def components(joint: Joint) -> list[tuple[str, str]]:
 
 
 def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """List names and units of all reaction components, ``leg1.base.fx`` and N: joints by role, then couplings."""
+    """Return names and units of all reaction components, e.g. ``leg1.base.fx`` and N; couplings come last."""
     pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
     turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
     pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]
@@ -261,7 +261,7 @@ def reaction_components(at: JointPose, f: Array, m: Array) -> Array:
 
 
 def closure_residual(at: JointPose) -> Array:
-    """Return a cut joint's residual along each constraint wrench [m or rad]; its rate is the power. Shape (..., m)."""
+    """Return a cut joint's residual along each wrench [m or rad]; its rate is the wrench's power. Shape (..., m)."""
     kind, shift = at.type, at.p_child - at.p_parent
     for e in at.slides:
         shift = shift - scale(dot(e, shift), e)
@@ -309,8 +309,8 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
     """Read the coordinates of a cut joint as floats; unlike `cut_coordinates`, it also works in gimbal lock.
 
     Args:
-        near: Angles to which the returned angles are closest among all equivalent angles of either triple; without
-            `near`, angles are within half a turn. Shape (n, f).
+        near: Angles; the closest equivalent angles of either triple are returned. Without `near`, angles are within
+            half a turn. Shape (n, f).
 
     Returns:
         Shape (n, f).
@@ -325,6 +325,6 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
 
 
 def _rotation(at: JointPose) -> tuple[Array, float]:
-    """Return the rotation of the child frame relative to the parent frame, in the joint's `triad`, and its sign."""
+    """Return the rotation of the child frame relative to the parent frame in the joint's `triad`, and that sign."""
     A, hand = triad(at.joint)
     return A @ (transpose(at.R_parent) @ at.R_child) @ A.T, hand

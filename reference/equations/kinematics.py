@@ -22,7 +22,7 @@ from screwgauge.reference.mechanism import Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, vee, widest
 
 Freedoms = Sequence[tuple[bool, Array]]
-"""For each freedom of a joint: whether it turns, and its axis in the joint's frame."""
+"""For each degree of freedom of a joint: True for a rotation, and the axis in the joint's frame."""
 
 
 class Coordinates(NamedTuple):
@@ -43,7 +43,7 @@ class Crossing(NamedTuple):
 
     Attributes:
         R: Orientation of the next frame in this frame; None if they are parallel.
-        p: Origin of the next frame if it is fixed in this frame; None if it moves or coincides.
+        p: Origin of the next frame if it is fixed in this frame; None if it moves or the origins coincide.
         axis: Axis of the degree of freedom, with equal components in both frames; None if the next frame is fixed.
         travel: Displacement along that axis; None for a rotation.
         column, sign: Column of the coordinate, and -1 if it is measured from the next frame to this frame, else 1.
@@ -69,7 +69,7 @@ class Step(NamedTuple):
         near, far: Bodies before and after the joint; 0 is the ground.
         columns: Columns of the joint's coordinates.
         sign: -1 if the joint is entered from its child, else 1.
-        start, end: From the near body to the joint, and from the joint to the far body.
+        start, end: Transitions from the near body to the joint, and from the joint to the far body.
     """
 
     edge: Edge
@@ -97,7 +97,7 @@ def _step(lay: Layout, edge: Edge) -> Step:
 
 
 def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value], sign: float = 1.0) -> list[Crossing]:
-    """List the degrees of freedom of a joint in the order of passage, reversed if it is entered from its child."""
+    """List the transitions across a joint's degrees of freedom, in reverse if it is entered from its child."""
     found = list[Crossing]()
     for column, (turns, axis), (value, cosine) in zip(columns, freedoms, values, strict=True):
         value = sign * value
@@ -116,7 +116,7 @@ def fixed(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
 
 
 def traverse(way: Sequence[Crossing], R: Array, p: Array) -> tuple[list[tuple[Array, Array]], Array, Array]:
-    """Traverse an edge from a frame; return axis directions and points, eqs. (18)-(20), and the end, eq. (24)."""
+    """Traverse an edge; return directions and points of axes, eqs. (18)-(20), and the end frame, eq. (24)."""
     lines = list[tuple[Array, Array]]()
     for crossing in way:
         if crossing.axis is not None:
@@ -138,7 +138,7 @@ class TreePose:
         R, p: Orientation and origin of each body. Shapes (..., b, 3, 3), (..., b, 3).
         S: Unit screws of the tree coordinates, eq. (5), child relative to parent; zero for coordinates of cut joints.
             Shape (..., n_q, 6).
-        crossings: Freedoms crossed by each step of `walk`.
+        crossings: Degrees of freedom crossed by each step of `walk`.
     """
 
     lay: Layout
@@ -222,7 +222,7 @@ def twists(at: TreePose, w: Array) -> Array:
 
 
 def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
-    """Sum the brackets of one joint's screws in eq. (44), using eq. (37) for each screw.
+    """Sum the Lie brackets of one joint's screws in eq. (44), using eq. (37) for each screw.
 
     Args:
         V: Twist of the body before the joint. Shape (..., 6).
@@ -236,7 +236,7 @@ def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
 
 
 def pose(lay: Layout, q: Array) -> TreePose:
-    """Compute poses from the tree joints, and screws of all joints from the given coordinates of cut joints.
+    """Compute poses from the tree joints, and screws of cut joints from their given coordinates.
 
     Args:
         q: Joint coordinates; the loops need not be closed. Shape (n, n_q).
@@ -248,7 +248,7 @@ def pose(lay: Layout, q: Array) -> TreePose:
 
 
 def gaps(lay: Layout, q: Array) -> Array:
-    """Return the displacement of cut joints from the placement that their coordinates define.
+    """Return how far the tree deviates at each cut joint from the joint's given coordinates.
 
     Args:
         q: Joint coordinates. Shape (n, n_q).

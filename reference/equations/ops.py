@@ -30,7 +30,7 @@ class System(Protocol):
         exact: True if `response` is exact.
         A: Dimensionless matrix; only for floats. Shape (..., m, n).
         inverse: Inverse for moving unknowns; only for floats. Shape (..., moving, m).
-        condition, whole_condition: Condition for moving unknowns and for all unknowns; only for floats. Shape (...).
+        condition, whole_condition: Condition numbers for moving and for all unknowns; only for floats. Shape (...).
     """
 
     exact: bool
@@ -43,7 +43,7 @@ class System(Protocol):
         """Solve for the moving unknowns. Shape (..., m) -> (..., moving)."""
 
     def solve_transposed(self, tau: Array) -> Array:
-        """Return an x with ``A^T x = tau``. Shape (..., n) -> (..., m)."""
+        """Return a solution x of ``A^T x = tau``. Shape (..., n) -> (..., m)."""
 
     def null(self) -> Array:
         """Return rows that span all x with ``A^T x = 0``. Shape (..., m - n, m)."""
@@ -73,7 +73,7 @@ class Ops:
     system: Callable[[Sequence[Block], Array, Array, int, tuple[int, ...]], Any]
 
     def square(self, A: Array) -> System:
-        """Wrap a small square system without units. Shape (..., n, n)."""
+        """Wrap a small, dimensionless square system. Shape (..., n, n)."""
         n = A.shape[-1]
         one = np.ones(n, dtype=float if A.dtype == object else A.dtype)
         made: System = self.system([(slice(0, n), range(n), A)], one, one, n, A.shape[:-2])
@@ -146,7 +146,7 @@ class Dense:
 
 
 class Sparse:
-    """A linear system with objects as entries, eliminated in an order that is chosen once, see `Factors`."""
+    """A linear system of objects, solved by elimination in an order that is chosen once, see `Factors`."""
 
     exact = False
 

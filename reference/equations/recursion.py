@@ -54,7 +54,7 @@ class FrameMotion(NamedTuple):
 
 
 def next_motion(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotion:
-    """Return the motion of the next frame; the cross product is the bracket of eq. (36) in eqs. (42), (43), (48).
+    """Return the motion of the next frame; the cross product is the Lie bracket of eq. (36) in eqs. (42), (43), (48).
 
     Args:
         w, beta: Rates and second derivatives of all coordinates. Shape (..., n_q).
@@ -103,8 +103,8 @@ def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Arra
         wrenches: Wrenches about the origins of the bodies, in body axes. Shape (..., b, 6).
 
     Returns:
-        The forces, shape (..., n_q), and, for each joint, force and moment of the parent on the child, in the child
-        frame of the joint, shape (..., 3).
+        The forces, shape (..., n_q), and, for each joint, the force and moment that the parent exerts on the
+        child, in the child frame of the joint, shape (..., 3).
     """
     total = [(W[..., :3], W[..., 3:]) for W in np.moveaxis(wrenches, -2, 0)]
     tau, through = zeros(wrenches[..., 0], len(pose.lay.turns)), dict[str, tuple[Array, Array]]()
@@ -140,7 +140,7 @@ def at_origin(pose: TreePose, wrenches: Array) -> Array:
 
 
 def on_child(pose: TreePose, edge: Edge, freedoms: Sequence[Crossing]) -> JointPose:
-    """Express a tree joint in the axes of its child frame, given the freedoms crossed from its near body."""
+    """Express a tree joint in the axes of its child frame, given the degrees of freedom crossed from its near body."""
     world = pose.joint(edge.joint)
     eye, zero = np.eye(3, dtype=pose.lay.path.dtype), np.zeros(3)
     R = reduce(np.matmul, (crossing.R for crossing in freedoms if crossing.R is not None), eye)
@@ -179,7 +179,7 @@ class BodyAccelerations:
         return self.pose.to_world(self.each[body].at(place), body)
 
     def needs(self, g: Array) -> Array:
-        """Return the wrenches about body origins that inertia and gravity require in this motion, eqs. (51)-(55).
+        """Return the wrenches about body origins that inertia and gravity require for this motion, eqs. (51)-(55).
 
         Euler's equations, eq. (52), use the second moments of mass P: ``J b + w x J w`` is the axial vector of
         ``E P - (E P)^T``.

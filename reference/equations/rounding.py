@@ -42,7 +42,7 @@ def stretch(lay: Layout) -> float:
 
 
 def loop_sizes(lay: Layout) -> Array:
-    """Return the unit of each joint coordinate: 1 for angles, the length of its shortest loop for distances. (n_q,)."""
+    """Return the scale of each joint coordinate: 1 for angles, its shortest loop's length for distances. (n_q,)."""
     shortest = np.where(lay.loop != 0.0, loop_lengths(lay)[:, None], np.inf).min(axis=0, initial=np.inf)
     return np.where(lay.turns, 1.0, np.where(np.isfinite(shortest), shortest, length(lay)))
 
@@ -68,7 +68,7 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
 
 
 def drive_gain(at: Dynamics) -> Any:
-    """Return the squared norm of the map to actuator forces; coordinates are in their units. Shape (...)."""
+    """Return the squared norm of the map to actuator forces, in the units of the coordinates. Shape (...)."""
     drives = len(at.mechanism.actuator_names)
     m = min(drives, len(at.driven)) if at.surplus else drives
     squares = at.drive.response(np.ones(m)).sum(-1)
@@ -78,7 +78,7 @@ def drive_gain(at: Dynamics) -> Any:
 def idle_gain(at: Forward) -> Any:
     """Return the squared inertia of the bodies that idle coordinates move, relative to the resisting inertia.
 
-    The result is the value of the worst coordinate times the condition of all coordinates, a cheap substitute for
+    The value of the worst coordinate is multiplied by the conditioning of all coordinates, as a cheap substitute for
     `idle_rounding`. Shape (...).
     """
     mechanism, L, m = at.mechanism, at.loops.length, len(at.idle)
@@ -93,8 +93,8 @@ def idle_gain(at: Forward) -> Any:
 def idle_rounding(at: Forward) -> Array:
     """Return dimensionless acceleration errors of idle coordinates, divided by eps; only for floats. Shape (n, m).
 
-    The errors are sums of magnitudes of terms that cancel: a freely spinning rod loads its bearings 1000 times more
-    than its axis.
+    The errors are sums of magnitudes of terms that cancel; for example, a freely spinning rod loads its bearings 1000
+    times more than its axis.
     """
     loops, system, idle = at.loops, at.system, [*at.idle]
     columns, unit = loops.columns[: loops.moving], loops.sizes[loops.y_columns]

@@ -15,7 +15,7 @@ from screwgauge.reference.rotations import FEW
 from screwgauge.reference.rotations import cross as cross  # vector product, re-exported for users of screws
 
 Array = NDArray[Any]
-"""Floats of any precision, or objects with arithmetic."""
+"""Floats of any precision, or objects that support arithmetic."""
 
 _SWAPPED = [3, 4, 5, 0, 1, 2]
 
@@ -53,7 +53,7 @@ def stack(*parts: Array) -> Array:
 
 
 def _concatenate(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
-    """Concatenate arrays and broadcast leading shapes; `after` has a slice for each axis behind the joined axis."""
+    """Concatenate arrays and broadcast leading shapes; `after` has a slice for each axis after the joined axis."""
     axis = -1 - len(after)
     leads = {x.shape[:axis] for x in parts}
     if len(leads) == 1:

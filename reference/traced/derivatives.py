@@ -15,7 +15,7 @@ def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Sc
             constant.
 
     Raises:
-        NotTraceableError: A value results from an operation without derivative.
+        NotTraceableError: A value results from an operation without a derivative.
     """
     known: dict[int, Scalar] = {node.index: rate for node, rate in rates.items()}
     for node in _nodes_below(outputs, known):
@@ -33,7 +33,7 @@ def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> l
         by: Nodes that do not depend on each other.
 
     Raises:
-        NotTraceableError: A value results from an operation without derivative.
+        NotTraceableError: A value results from an operation without a derivative.
     """
     pairs = [(x, weight) for x, weight in weighted if isinstance(x, Node)]
     ends, found = {node.index for node in by}, dict[int, Scalar]()

@@ -46,9 +46,9 @@ def cpu() -> str:
 
 
 def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
-    """Build the program in LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
+    """Build the LLVM code of ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
 
-    A separate function without loop processes one block of samples: constants stay in memory, which leaves registers
+    A separate function without a loop processes one block of samples: constants stay in memory, which leaves registers
     free, and the stack is aligned to cache lines.
     """
     import llvmlite.ir as ir
@@ -72,7 +72,7 @@ def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
 
 
 def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> tuple[list[Any], Any]:
-    """Emit the program; store outputs once computed. Return the checks, and 0, or NaN if an output is not finite."""
+    """Emit the program and the storing of outputs; return the checks, and 0 (NaN if an output is not finite)."""
     b, i64, zero = maths.b, maths.ir.IntType(64), maths.constant(0.0)
     lost, values_end = zero, len(program.outputs) - program.checks
 
@@ -135,7 +135,7 @@ def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
 def machine_code(program: Program, dtype: np.dtype[Any] = FLOAT) -> bytes:
     """Compile a program for this CPU and a number type.
 
-    LLVM's passes would double the compile time without gain, because the program is already simplified.
+    LLVM's optimization passes would double the compile time without gain, because the program is already simplified.
     """
     llvm, _, width = _host()
     return bytes(machine().emit_object(llvm.parse_assembly(_ir(program, width * 8 // dtype.itemsize, dtype))))
@@ -173,7 +173,7 @@ class Native:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """Return a function that runs all samples of given arrays, and returns False if any sample is in doubt.
+        """Return a function that runs the program on given arrays, and returns False if any sample is in doubt.
 
         Args:
             inputs, outputs: Arrays in the order of the program, with contiguous rows. Shape (m, n) each.

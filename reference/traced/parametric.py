@@ -71,7 +71,7 @@ class Symbols:
     Attributes:
         loops: Loops of the symbolic machine; no coordinate is at rest if placements are among the parameters.
         predicted, near: Columns of the dependent coordinates, and of the angles of cut joints.
-        at: Machine in motion after all Newton steps.
+        at: Motion and forces of the machine after all Newton steps.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ def gradient(symbols: Symbols, values: Sequence[Scalar], weights: Sequence[Scala
     """Differentiate a weighted sum of quantities with respect to the parameters, with loops kept closed.
 
     By the implicit function theorem, ``dr/dq dq/dp = -dr/dp``; therefore, one solution of the transposed loop
-    equations, with the known factors, converts the derivative with respect to q.
+    equations, with the known factors, accounts for the change in q.
 
     Args:
         symbols: Trace at a closed pose, without Newton steps.

@@ -116,7 +116,7 @@ KEPT = 1 << 26
 def columns(n: int, m: int, dtype: DTypeLike = float) -> Array:
     """Allocate an array of shape (n, m) with contiguous columns.
 
-    Columns start at cache lines, but are never a multiple of pages apart, because they would share the same few lines.
+    Columns start at cache lines, but are never a multiple of pages apart, because they would then share few lines.
     """
     wide = n + LINE - n % LINE
     room = np.empty(m * wide + LINE, dtype)
@@ -128,8 +128,8 @@ class Block:
     """A memory block for one result.
 
     Attributes:
-        array: Array of the owner, see `columns`.
-        known: Data of the owner.
+        array: The memory as an array for its owner, see `columns`.
+        known: Data that the owner keeps with the memory.
     """
 
     def __init__(self, n: int, m: int) -> None:
@@ -208,8 +208,8 @@ class Lanes:
     """A program and its buffers; concurrent threads wait for each other.
 
     Attributes:
-        code: Functions with the indices of their operands, followed by the result, among all rows: inputs, outputs,
-            buffers and constants.
+        code: Functions, each with the rows of its operands and its result; rows hold inputs, outputs, buffers and
+            constants, in this order.
     """
 
     def __init__(self, program: Program, chunk: int = CHUNK, dtype: DTypeLike = float) -> None:
@@ -221,7 +221,7 @@ class Lanes:
         self.buffers = columns(chunk, self._plan(program), self.dtype).T
 
     def _plan(self, program: Program) -> int:
-        """Assign a free row to each value, most recently used rows first because they are cached; count buffers."""
+        """Assign a free row to each value, preferring recently used rows because they are cached; count buffers."""
         last = {x: i for i, (_, args) in enumerate(program.code, program.inputs) for x in args if isinstance(x, int)}
         first = count = program.inputs + len(program.outputs)
         at, free, wanted = [*range(program.inputs)], list[int](), dict[int, list[int]]()
@@ -272,7 +272,7 @@ class Lanes:
         return run
 
     def again(self) -> Lanes:
-        """Copy the lanes so that both may run concurrently."""
+        """Copy the object so that copy and original may run concurrently."""
         return Lanes(self.program, self.chunk, self.dtype)
 
 
@@ -301,5 +301,5 @@ class Narrow:
         return run
 
     def again(self) -> Narrow:
-        """Copy the runner so that both may run concurrently."""
+        """Copy the runner so that copy and original may run concurrently."""
         return Narrow(self.inner.again())

@@ -1,7 +1,7 @@
 """Traces of scalar computations: expressions recorded by operator overloading, and sparse elimination of systems.
 
-Folding only uses structure: zeros, ones, signs and constants. Expressions that merely agree in value are never merged,
-because they may agree on one assembly mode and differ on a second. Likewise, a pivot must be large at every sample that
+Folding uses only structure: zeros, ones, signs and constants. Expressions that merely agree in value are never merged,
+because they may agree in one assembly mode and differ in another. Likewise, a pivot must be large at every sample that
 is used to choose the elimination order, including home. If no pivot is large enough, several traces may be made, each
 for the samples at which its pivots are large, see `Trace.kept`. `program` makes programs from traces.
 """
@@ -129,7 +129,7 @@ class Trace:
         self._known: dict[tuple[Any, ...], Node] = {}
 
     def input(self, value: Array) -> Node:
-        """Add an input; `value` has its values at the samples of the trace, shape (n,)."""
+        """Add an input, given its values at the samples of the trace, shape (n,)."""
         self.inputs.append(np.asarray(value, dtype=float))
         return self._make("input", len(self.inputs) - 1)
 
@@ -222,11 +222,11 @@ SMALLEST = 1e-6
 
 
 class Factors:
-    """Factorisation ``A = L U`` in pivot order of rows and columns; rows without pivot remain.
+    """Factorisation ``A = L U`` in pivot order of rows and columns; rows without a pivot remain.
 
     Attributes:
         pivots: Pairs (row, column) in the order of elimination.
-        spare: Rows without pivot, which depend on the other rows wherever the system is consistent.
+        spare: Rows without a pivot, which depend on the other rows wherever the system is consistent.
         inverse: Reciprocals of the pivots.
     """
 
@@ -300,7 +300,7 @@ class Factors:
         return pivot
 
     def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
-        """Return row -> smallest ratio of an entry to the column's largest entry, for entries large at every sample."""
+        """Return row -> smallest ratio to the column's largest entry, for entries that are large at every sample."""
         shares, large = self._shares(rows, column)
         if self.trace is not None and self.trace.kept is not None:
             shares, large = shares[:, self.trace.kept], large[:, self.trace.kept]

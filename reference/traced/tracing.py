@@ -54,7 +54,7 @@ class Traced:
             with the largest value of the check ``gain`` where its pivots are large.
         places: Quantity, entry of `CHECKS`, or ``reached`` (corrected prediction and its rates) -> outputs.
         predicted: Tree coordinates from which Newton's method starts; empty in closed form.
-        near: Angles of cut joints that must be known to less than half a turn.
+        near: Angles of cut joints that must be known to within half a turn.
         timed: True if time is an input.
     """
 
@@ -77,7 +77,7 @@ class TracedQuantities:
     Attributes:
         quantities: Names of quantities.
         axial: True if redundant actuators follow the rule of eq. (56).
-        shares: Share of each body that each coordinate of the open tree carries. Shape (b, n_q).
+        shares: Fraction, with sign, of each body that each coordinate of the open tree carries. Shape (b, n_q).
         tree: Coordinates of the open tree.
         loaded: True if force and torque of each load are inputs, after all other inputs.
         points: Named points.
@@ -162,7 +162,7 @@ def _trace(
 
 
 def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], float]:
-    """Flag samples at which the pivots amplify rounding little more than the best order; return their largest gain.
+    """Flag samples at which the pivots amplify rounding little more than necessary; return their largest gain.
 
     Args:
         q: All joint coordinates. Shape (n, n_q).
@@ -185,7 +185,7 @@ def sprung_cuts(loops: Loops, applied: Applied) -> list[int]:
 
 
 def dependent(loops: Loops) -> list[int]:
-    """Return the tree coordinates that depend on the given coordinates."""
+    """Return the tree coordinates that depend on the independent coordinates."""
     return [c for c in loops.columns[: loops.moving] if c not in loops.y_columns]
 
 
