@@ -103,7 +103,7 @@ def test_redundant_loops_that_stay_open_say_so_and_what_to_do(quantity, scene):
     motion = scene(decimals(data("bennett.toml"), 12))
     results = screwgauge.run(motion, engines=["truth"], quantities=[quantity])
     reason = results.failures["truth"].reason
-    assert re.search(r"open by \de-1\d \(rad, m.* 'sqrt\(2\)', .*15 digits", reason)
+    assert re.search(r"at least \de-1\d \(rad, m.* 'sqrt\(2\)', .*15 digits", reason)
 
 
 def test_a_regular_pose_is_not_blamed_for_redundant_rows_that_decimals_leave_open(write):

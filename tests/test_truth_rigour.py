@@ -142,7 +142,7 @@ def test_loops_that_close_only_to_rounding_are_refused_in_one_sentence(write):
     assert results.exit_status == 3
     reason = results.failures["truth"].reason
     assert reason.startswith("NotCertified: t = 0.1 s, a = 0.1: no sample")
-    assert " open by 1e-13 " in reason
+    assert " at least 1e-13 " in reason
 
 
 def test_missing_python_flint_is_one_sentence(monkeypatch):

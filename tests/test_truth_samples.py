@@ -47,7 +47,7 @@ def test_scale_of_every_pair_is_that_of_the_truth(results):
 @pytest.mark.slow
 def test_report_is_written_with_its_plots(results, tmp_path):
     out = results.write(tmp_path / "out")
-    assert "11 of 101 samples enclosed" in (out / "report.md").read_text()
+    assert "11 of 101 samples were enclosed" in (out / "report.md").read_text()
     assert "Gap:" not in (out / "report.md").read_text()
     for plot in (out / "plots").glob("*.svg"):
         assert "no number" not in plot.read_text()

@@ -1,7 +1,7 @@
-"""The truth: motion and forces in ball arithmetic, each number with a rigorous radius.
+"""The engine `truth`, which computes motion and forces in ball arithmetic, with a rigorous radius for each number.
 
 From `screwgauge.reference`, the engine takes only the tables of a description, their names and an unverified starting
-guess of the positions; it does not use the equations there. The engine needs python-flint (the extra ``truth``).
+guess of the positions; it uses none of the equations there. The engine needs python-flint (the extra ``truth``).
 """
 
 #: Largest number of samples that the engine solves.

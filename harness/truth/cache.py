@@ -1,7 +1,7 @@
 """Disk cache of results and machine code, keyed by their inputs and trusted only if this user's program wrote them.
 
-Each file carries a code (HMAC) of its key, of the version that wrote it and of its content. The secret for this code is
-stored in the same folder. Each line in the journal of a long computation also carries such a code. The content of a
+Each file contains a code (HMAC) of its key, of the version that wrote it and of its content. The secret for this code
+is stored in the same folder. Each line in the journal of a long computation also contains such a code. The content of a
 file that was edited or replaced is therefore computed again rather than used, and machine code and scripts in pages are
 used only as this program wrote them.
 """
@@ -68,7 +68,7 @@ def digest(*parts: Any) -> str:
 
 
 def code_version(*folders: Path, packages: Iterable[str] = (), extra: str = "") -> str:
-    """Hash the code and packages on which results depend, apart from their key; a new version invalidates results.
+    """Hash the code and packages that, besides the key, determine results; a new version invalidates results.
 
     Args:
         folders: Folders of source files, searched recursively.
@@ -79,7 +79,7 @@ def code_version(*folders: Path, packages: Iterable[str] = (), extra: str = "") 
 
 
 def read(key: str, version: str) -> tuple[Arrays | None, str]:
-    """Return the arrays stored under a key, or None, and a sentence about any fault of the file.
+    """Return the arrays stored under a key, or None, and a sentence that describes the fault of the file, if any.
 
     Args:
         key: Hash of all inputs of the result.
@@ -138,7 +138,7 @@ def signer() -> Callable[[str, str], str]:
 
 
 def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
-    """Compute a hexadecimal code that includes the lengths of all parts, so that no bytes can move between parts."""
+    """Compute a hexadecimal code that includes the lengths of all parts, so that bytes cannot shift between parts."""
     parts = (key.encode(), version, payload)
     sizes = b"".join(len(part).to_bytes(8, "big") for part in parts)
     return hmac.new(secret, sizes + b"".join(parts), hashlib.sha256).hexdigest().encode()
@@ -146,7 +146,7 @@ def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
 
 @contextmanager
 def _open() -> Iterator[int]:
-    """Open and check the folder; use of the descriptor keeps the check valid even if the folder is renamed.
+    """Open and check the folder; with its descriptor, the check remains valid even if the folder is renamed.
 
     Raises:
         OSError: The folder does not exist, or other users could have written into it.

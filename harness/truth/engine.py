@@ -1,8 +1,8 @@
 """The engine `truth`: ball arithmetic with a rigorous radius for every value.
 
-It reads the numbers in the text of the description and the scene exactly, treats the doubles of the times as exact, and
-solves evenly spread samples, at most `MOST`. The float64 solver supplies only a starting guess of the positions, which
-does not affect the result, because positions are certified independently.
+It reads the numbers in the text of the description and the scene exactly, treats times, which are doubles, as exact,
+and solves at most `MOST` evenly spread samples. The float64 solver supplies only a starting guess of the positions,
+which does not affect the result, because positions are certified independently.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ class TruthModel:
         return tuple(self.mechanism.independent)
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Compute every quantity in balls.
+        """Enclose every quantity in balls.
 
         Raises:
             NotCertified: No sample could be certified.
-            RoutesDisagree: Two enclosures of one force are disjoint.
+            RoutesDisagree: Two enclosures of the same force are disjoint.
         """
         motion = self._checked(problem)
         n = len(motion)
@@ -110,7 +110,7 @@ def _usable_table(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, 
 
 
 def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
-    """Hash all inputs: strings where available, or else the values of the doubles."""
+    """Hash all inputs: their text where it is available, and doubles elsewhere."""
     wording, motion, applied = problem.wording, whole.part(rows), problem.applied
     gravity = None if applied.gravity is None else applied.gravity.tolist()
     idle = [*motion.idle]
@@ -129,7 +129,7 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
 def _compute(
     model: TruthModel, problem: Problem, motion: GivenMotion, rows: Rows, depth: str, progress: Progress
 ) -> SampleTable:
-    """Compute all samples with exact decimals; if redundant loops then stay open, treat long decimals as rounded."""
+    """Compute all samples with exact decimals; if redundant loops do not close, treat long decimals as rounded."""
     try:
         return _table(model, problem, motion, rows, depth, progress)
     except LoopsOpen:
@@ -224,7 +224,7 @@ def _notes(table: SampleTable, names: Names, mechanism: Mechanism, how_many: str
         for unit in names[name][1]
     }
     worst = max(sizes, key=lambda key: sizes[key])
-    note = f"{how_many} samples enclosed; largest scaled radius {sizes[worst]:.1e} ({worst})"
+    note = f"{how_many} samples were enclosed; the largest scaled radius is {sizes[worst]:.1e} ({worst})"
     if "reaction" in table.mid:
         note += "; the two routes to the forces agree at every sample"
     notes = [note]
@@ -241,7 +241,7 @@ def _notes(table: SampleTable, names: Names, mechanism: Mechanism, how_many: str
         )
     if table.reasons:
         notes.append(
-            f"{len(table.reasons)} samples could not be certified and are left out; the first: {table.reasons[0]}"
+            f"{len(table.reasons)} samples could not be certified and are omitted; the first: {table.reasons[0]}"
         )
     return notes
 

@@ -1,4 +1,4 @@
-"""Number types of the truth: numbers from text as balls (arb), matrices of balls, and power series in time (jets).
+"""Number types of the engine `truth`: balls (arb) read from text, their matrices, and power series in time (jets).
 
 Decimals become exact rationals, and expressions become enclosures. A jet is the list of its Taylor coefficients ``[x,
 x', x''/2]``, up to the requested order. All derivatives of the truth follow from products of such series; the code
@@ -32,7 +32,7 @@ _FUNCTIONS: dict[str, Callable[..., arb]] = {
 _FUNCTIONS["atan2"] = arb.atan2
 
 
-#: Number of digits from which a decimal counts as possibly rounded.
+#: A decimal with at least this number of digits counts as possibly rounded.
 LONG = 15
 #: Rounding of a computed double relative to its value: four units in the last place.
 ROUNDED = 2.0**-50
@@ -97,12 +97,12 @@ def _widened(value: Any, rounding: arb) -> Any:
 
 
 def vector(values: Any) -> Vector:
-    """Convert a list of numbers."""
+    """Convert a list of numbers to balls."""
     return [number(value) for value in values]
 
 
 def unit_vector(values: Any) -> Vector:
-    """Convert and normalise a vector, because its decimals may be rounded."""
+    """Convert a vector to balls, and normalise it because its decimals may be rounded."""
     return normalize(vector(values))
 
 
@@ -196,7 +196,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 Jet = list[arb]
 MatrixJet = list[arb_mat]
 Terms = Sequence[tuple[list[arb], list[list[arb]]]]
-"""For each coordinate the polynomial, lowest coefficient first, and the harmonics [omega, cos, sin]."""
+"""Polynomial of each coordinate, lowest power first, and its harmonics [omega, cos, sin]."""
 
 
 def mul(a: list[Any], b: list[Any]) -> list[Any]:
@@ -242,7 +242,7 @@ def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
 
 
 def drive(terms: Terms, t: float) -> list[Jet]:
-    """Return the series ``[y, y', y''/2]`` of each coordinate at a time, treating the time's double as exact."""
+    """Return the series ``[y, y', y''/2]`` of each coordinate at time t, which is treated as exact."""
     return [_one(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
 
 
@@ -257,6 +257,6 @@ def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:
 
 
 def samples(motion: GivenMotion, i: int) -> list[Jet]:
-    """Return the series of each coordinate at one sample, treating its doubles as exact."""
+    """Return the series of each coordinate at one sample, whose numbers are treated as exact."""
     columns = zip(motion.y[i].tolist(), motion.yd[i].tolist(), motion.ydd[i].tolist(), strict=True)
     return [[arb(y), arb(yd), arb(ydd) / 2] for y, yd, ydd in columns]

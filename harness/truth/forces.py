@@ -1,7 +1,7 @@
-"""Forces by two independent routes, virtual power and the balance of every body, whose enclosures must overlap.
+"""Computes forces by two independent routes, virtual power and balances of bodies; their enclosures must overlap.
 
-Route 1 is Lagrange's form with homogeneous matrices: ``Q_j = sum trace(dT/dy_j P T''^T) - ...``, where no angular
-velocity appears. Route 2 balances force and moment of each body and solves for every reaction at once.
+Route 1 is Lagrange's form with homogeneous matrices: ``Q_j = sum trace(dT/dy_j P T''^T) - ...``, in which no angular
+velocity appears. Route 2 balances force and moment of each body and solves for all reactions at once.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BallLoad = tuple[int, Vector | None, Vector, Vector]
 """A load in balls: its body, the point on it (None: centre of mass), force [N] and torque [N m] in world axes."""
 
 Component = tuple[Vector, list[Vector]] | Callable[[float], arb]
-"""A function of time: polynomial and harmonics as in `Terms`, or its value at a sample."""
+"""A function of time: polynomial and harmonics as in `Terms`, or a callable that returns its value at a sample."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ class VaryingLoad:
     turns: bool
 
     def at(self, t: float, T: arb_mat) -> BallLoad:
-        """Return the load at a time [s] on a body placed by T."""
+        """Return the load at time t [s] on a body with pose T."""
         now = [one(t) if callable(one) else drive([one], t)[0][0] for one in self.components]
         force, torque = (point(T, each, 0) if self.turns else each for each in (now[:3], now[3:]))
         return self.body, self.point, force, torque
@@ -85,7 +85,7 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
 
 
 def resisting_forces(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
-    """Yield the coordinate's column, and the force along the coordinate, for each rotor, damper and dry friction.
+    """Yield the coordinate's column, and the force along it, of each rotor, damper and dry friction.
 
     Raises:
         NotCertified: The sign of a rate, which determines the direction of friction, is not certain.
@@ -97,7 +97,7 @@ def resisting_forces(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
         elif abs(rate) > REST:
             yield one.column, arb(one.amount) * (1 if rate > 0 else -1)
         else:
-            what = f"'{one.coordinate}' is at rest, where its dry friction has no direction"
+            what = f"'{one.coordinate}' is at rest, so its dry friction has no direction"
             raise NotCertified(what, "", "keep the motion away from this pose")
 
 
@@ -107,12 +107,12 @@ def _trace(A: arb_mat, B: arb_mat) -> arb:
 
 
 def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
-    """Return the minimum-norm actuator forces with ``B^T f = Q``. Shape (n_actuator, 1)."""
+    """Return the minimum-norm actuator forces that satisfy ``B^T f = Q``. Shape (n_actuator, 1)."""
     Bt = B.transpose()
     try:
         return B * (Bt * B).solve(arb_mat([[x] for x in Q]))
     except ZeroDivisionError:
-        what = "the actuators may not move every coordinate"
+        what = "the actuators may be unable to move every coordinate"
         raise NotCertified(what, "", "keep the motion away from this pose") from None
 
 
@@ -130,13 +130,13 @@ def idle_accelerations(
     coordinates compensate.
 
     Args:
-        B: Velocities of the actuators per velocity of the independent coordinates. Shape (n_actuator, k).
+        B: Velocities of the actuators per unit velocity of the independent coordinates. Shape (n_actuator, k).
         columns: Columns of the mass matrix that belong to the idle coordinates. Shape (m, k).
         Q: Forces along the coordinates at x = 0. Shape (k,).
         idle: Indices of the idle coordinates.
 
     Raises:
-        NotCertified: Idle coordinates may have no inertia, or the actuators may not move all driven coordinates.
+        NotCertified: Idle coordinates may have no inertia, or actuators may be unable to move all driven coordinates.
     """
     given, m = given_columns(len(Q), idle), len(idle)
     N = arb_mat(len(Q), m, [int(j == i) for j in range(len(Q)) for i in idle])
@@ -155,7 +155,7 @@ def idle_accelerations(
 
 
 def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]], idle: Collection[int]) -> list[arb]:
-    """Return body twists about their origins, and point velocities, per rate of each actuator, row by row.
+    """Return the twist of each body about its origin, and point velocities, per unit actuator rate, row by row.
 
     Args:
         points: For each point, the index of its body and its position in that body.
@@ -217,7 +217,7 @@ def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_m
 
 
 def actuator_units(linkage: Linkage, now: State) -> list[Unknown]:
-    """List the actuators as unit forces or moments: actuators of joints along their axes, then all other actuators."""
+    """List the actuators as unit forces or moments: first actuators along joint axes, then all others."""
     actuators, index = [], linkage.mechanism.body_index
     for joint in linkage.mechanism.actuators:
         frames = linkage.frames[joint.name]
@@ -231,7 +231,7 @@ def actuator_units(linkage: Linkage, now: State) -> list[Unknown]:
 
 
 def balance_columns(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[list[arb]]:
-    """Return the effect of each unknown on each body: force, and moment about its centre of mass. (m, 6 n_body)."""
+    """Return the effect of each unknown on each body: force, and moment about the centre of mass. (m, 6 n_body)."""
     index = linkage.mechanism.body_index
     com = [point(T[0], mass.com) for T, mass in zip(now.bodies[1:], linkage.masses, strict=True)]
     columns = []
@@ -250,7 +250,7 @@ def balance_columns(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> l
 
 
 def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
-    """Return each coupling's effect on the bodies: 1 along its coordinate, minus the slope along other coordinates."""
+    """Return the wrenches of each coupling on bodies: 1 along its coordinate, minus the slope along the others."""
     q, columns = [x[0] for x in now.q], []
     for tie in linkage.ties:
         column = [arb(0)] * (6 * len(linkage.masses))
@@ -267,7 +267,7 @@ def coordinate_wrenches(linkage: Linkage, now: State, column: int) -> list[arb]:
 
 
 def required_wrenches(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
-    """Return force and moment that joints and actuators must exert on each body (Newton-Euler). (6 n_body,)."""
+    """Return the wrench that joints and actuators must exert on each body (Newton-Euler). Shape (6 n_body,)."""
     right: list[arb] = []
     for i, (mass, T) in enumerate(zip(linkage.masses, now.bodies[1:], strict=True), 1):
         F = [mass.mass * (2 * a - g) for a, g in zip(point(T[2], mass.com), gravity, strict=True)]
@@ -295,11 +295,11 @@ def newton_euler(
 
     Minimum-norm actuator forces lie in the range of B, ``f = B z``. The unknowns are then z, and the system is square
     unless the mechanism is overconstrained. With the rule ``spherical_axial``, the unknowns are f, and the rule adds
-    its own rows. If redundant constraints leave reactions undetermined, one set of reactions that satisfies the balance
+    two rows. If redundant constraints leave reactions undetermined, one set of reactions that satisfies the balance
     is returned. Forces along undriven coordinates are also unknowns; their solutions must be zero.
 
     Args:
-        B: Velocities of the actuators per velocity of the independent coordinates that they drive.
+        B: Velocities of the actuators per unit velocity of the independent coordinates that they drive.
             Shape (n_actuator, k).
         right: Force and moment on each body, see `required_wrenches`.
         idle: Joint coordinates that nothing drives.
@@ -345,7 +345,7 @@ def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float
 
 
 def _axial_rows(linkage: Linkage, now: State, names: Sequence[str]) -> list[dict[int, arb]]:
-    """Return two directions across the line of the joint's force (eq. 56): column -> coefficient."""
+    """Return two rows that keep the joint's force along its line (eq. 56): column -> coefficient."""
     axial = linkage.axial
     if axial is None:
         raise NotCertified("the mechanism names no joint for the rule spherical_axial", "", "use min_norm")

@@ -1,6 +1,6 @@
 """Certified closed poses, and their velocities and accelerations, in balls.
 
-Any guess may serve as the start, and the start is not trusted. Newton's method in high precision is followed by an
+Any guess may serve as the start, because the start is not trusted. Newton's method in high precision is followed by an
 interval Newton step: if Krawczyk's operator maps a small box into its own interior, the box contains exactly one
 solution of the loop equations, and the image encloses this solution. The equations hold at every time, so every
 coefficient of their power series is zero. Solving them order by order yields the series of the joint coordinates; the
@@ -32,10 +32,10 @@ def _singular() -> NotCertified:
 
 
 def independent_rows(J: Array, n: int) -> list[int]:
-    """Select n rows of full rank from dimensionless J, preferably the last (selection) rows; all rows if J has n.
+    """Select n independent rows of dimensionless J, preferably the last (selection) rows; all rows if J has only n.
 
-    A mechanism with redundant constraints has more closing equations than coordinates. The rows left out are only
-    checked to hold within the enclosures.
+    A mechanism with redundant constraints has more closing equations than coordinates. Rows that are not selected are
+    only checked: they must hold within the enclosures.
     """
     if len(J) == n:
         return list(range(n))
@@ -55,7 +55,7 @@ def independent_rows(J: Array, n: int) -> list[int]:
 
 
 def check_near(G: arb_mat) -> None:
-    """Reject a loop turned by more than a right angle, which is far from closing."""
+    """Reject a loop whose closing error is a rotation by more than a right angle."""
     if not G[0, 0] + G[1, 1] + G[2, 2] > 1:
         raise NotCertified("a loop is far from closed", "", "check the motion")
 
@@ -101,8 +101,8 @@ class Certifier:
         """Run Newton's method; return a pose and an approximate inverse of its Jacobian.
 
         Args:
-            J: Jacobian at the start in doubles, used in all steps. If None, every step uses its own Jacobian with all
-                digits, because near a singular pose doubles have too few digits.
+            J: Jacobian at the start in doubles, used in all steps. If None, every step computes a Jacobian in full
+                precision, because doubles have too few digits near a singular pose.
         """
         m = [arb(x) for x in start]
         fixed = None if J is None else arb_mat(np.linalg.inv(J[rows]).tolist())
@@ -219,13 +219,13 @@ def redundant_rows(linkage: Linkage) -> int:
 
 
 def coarse_decimals(linkage: Linkage, reason: str) -> LoopsOpen:
-    """Build the error for a motion that exact decimals determine, but that cannot be enclosed for rounded decimals.
+    """Build the error for a motion that exact decimals determine, but that cannot be enclosed with rounded decimals.
 
     Args:
         reason: Why the motion could not be enclosed.
     """
     what = (
-        f"{redundant_rows(linkage)} redundant closing equations stay open because the decimals are rounded too "
+        f"{redundant_rows(linkage)} redundant closing equations do not hold because the decimals are rounded too "
         f"coarsely to enclose the motion here ({reason})"
     )
     return LoopsOpen(what, "", "write lengths and angles as expressions such as 'sqrt(2)'")
@@ -246,7 +246,7 @@ def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]
     gap = max((float(e.abs_lower()) for e in errors), default=0.0)
     if gap:
         size = f"{gap:.1g} (rad, m or their derivatives in time)"
-        what = f"{redundant_rows(linkage)} redundant closing equations stay open by {size}"
+        what = f"{redundant_rows(linkage)} redundant closing equations are violated by at least {size}"
         raise LoopsOpen(what, "", EXPRESSIONS)
 
 

@@ -43,7 +43,7 @@ class Tie:
 
     Attributes:
         column: Index i of the dependent coordinate.
-        leads: Index k of each leading coordinate, or None for the constant, and coefficients of p_k, lowest first.
+        leads: Index k of each other coordinate, or None for the constant, and coefficients of p_k, lowest power first.
     """
 
     column: int
@@ -73,7 +73,7 @@ def _series(polynomial: Vector, x: Jet) -> Jet:
 
 
 def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
-    """Read the couplings of a mechanism with the coefficients of its tables."""
+    """Read the couplings of a mechanism, with coefficients from its tables."""
     place, ties = mechanism.coordinates.index, []
     for one in mechanism.couplings:
         table = {"polynomial": [0]} if one.fixing else tables["couplings"][one.name]
@@ -83,7 +83,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
 
 
 def dual_axis(axes: Sequence[Vector], i: int) -> Vector:
-    """Return the vector in the span of one to three axes with dot product 1 with axis i and 0 with the other axes."""
+    """Return the vector in the span of the axes whose dot product is 1 with axis i and 0 with all other axes."""
     if len(axes) == 1:
         return axes[0]
     # two axes may be orthogonal only up to rounding; the third is orthogonal to both
@@ -123,7 +123,7 @@ AXES: tuple[Vector, ...] = tuple([arb(int(i == k)) for i in range(3)] for k in r
 class Mass:
     """Mass [kg], centre of mass [m], central inertia tensor [kg m^2] (3, 3), and pseudo-inertia at the origin (4, 4).
 
-    The pseudo-inertia P is the integral of ``r r^T dm`` over homogeneous points r. The power of the inertial force on a
+    The pseudo-inertia P is the integral of ``r r^T dm`` over homogeneous points r. The power of inertial forces at a
     virtual velocity ``dT`` is ``trace(dT P T''^T)``.
     """
 
@@ -208,7 +208,7 @@ class Linkage:
         self.loops = [[(column, column in via, column in back) for column in sorted(via | back)] for via, back in ways]
 
     def _steps(self, joint: Joint, columns: Sequence[int], reverse: bool) -> list[Step]:
-        """List the steps of a joint, from parent to child or reversed: frame, motions, inverse of the end's frame."""
+        """List the steps of a joint, parent to child or reversed: first frame, motions, inverse of the last frame."""
         frames, sign = self.frames[joint.name], -1 if reverse else 1
         moves: list[Step] = [
             _move(column, sign, turns, frames.axes[min(i, len(frames.axes) - 1)])
@@ -233,7 +233,7 @@ class Linkage:
     def close(
         self, q: Sequence[Jet], bodies: Sequence[MatrixJet], spots: dict[int, arb_mat] | None = None
     ) -> list[MatrixJet]:
-        """Return ``G = via tree^-1`` of each loop, where via and tree are its two paths to one body.
+        """Return ``G = via tree^-1`` of each loop, where via and tree are the two paths to the cut joint's child.
 
         G is the identity if the loop closes.
         """
@@ -261,7 +261,7 @@ class Linkage:
         return joint, turning, dual_axis([axes[k][1] for k in alike], alike.index(i)), [child[k, 3] for k in range(3)]
 
     def jacobian(self, q: Sequence[arb]) -> arb_mat:
-        """Differentiate the errors of loops and ties, and the selected coordinates. (6 n_cut + n_tie + k, n_q)."""
+        """Differentiate the errors of loops and couplings, and the selected coordinates. (6 n_cut + n_tie + k, n_q)."""
         jets = [[x] for x in q]
         spots: dict[int, arb_mat] = {}
         bodies = self.place(jets, spots)
@@ -282,7 +282,7 @@ class Linkage:
 
 
 def error(G: arb_mat) -> list[arb]:
-    """Return six numbers that vanish if G is the identity, and only then if G rotates by less than pi."""
+    """Return six numbers that vanish if G is the identity; if G rotates by less than pi, they vanish only then."""
     r = G.tolist()
     turn = [(r[2][1] - r[1][2]) / 2, (r[0][2] - r[2][0]) / 2, (r[1][0] - r[0][1]) / 2]
     return [*turn, r[0][3], r[1][3], r[2][3]]

@@ -1,4 +1,4 @@
-"""Samples of the truth: every quantity in balls, with higher precision where balls are too wide.
+"""Computes samples of the engine `truth`: all quantities in balls, at higher precision if balls are too wide.
 
 The two routes to the forces are checked against each other.
 """
@@ -132,10 +132,10 @@ class Sampler:
         return [load.at(t, now.bodies[load.body][0]) for load in self.loads]
 
     def _follow(self, y: Sequence[Jet], start: Sequence[float], t: float, idle: Sequence[int]) -> list[Jet]:
-        """Return series in which idle coordinates have the second derivatives that actuators can sustain."""
+        """Return series in which the idle coordinates have the second derivatives that follow from the forces."""
 
         def forces(moved: int | None) -> tuple[State, list[arb]]:
-            """Return state and forces with zero second derivatives of idle coordinates, except unity for `moved`."""
+            """Return state and forces if the second derivatives of idle coordinates are zero, except 1 for `moved`."""
             some = [[a, b, arb(i == moved) / 2 if i in idle else c] for i, (a, b, c) in enumerate(y)]
             now = state(self.certifier, some, start)
             return now, generalized_force(self.linkage, now, self.gravity, self._loads(now, t))
@@ -146,7 +146,7 @@ class Sampler:
         return [[a, b, x[idle.index(i)] / 2 if i in idle else c] for i, (a, b, c) in enumerate(y)]
 
     def _drive(self, now: State) -> arb_mat:
-        """Return the rates of the actuators per rate of each independent coordinate. Shape (n_actuator, k)."""
+        """Return the rates of the actuators per unit rate of each independent coordinate. Shape (n_actuator, k)."""
         rows, k = self.linkage.mechanism.actuated_columns, now.partial.ncols()
         return arb_mat(len(rows), k, [now.partial[row, j] for row in rows for j in range(k)])
 
@@ -271,7 +271,7 @@ def _narrow(balls: Sequence[arb]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampleTable:
-    """Samples as midpoints and radii by quantity, each of shape (n_row, m), with reasons for missing samples.
+    """Midpoints and radii of each quantity at samples, shape (n_row, m) each, and reasons for missing samples.
 
     Attributes:
         rounded: Whether long decimals of the geometry were treated as rounded.
@@ -303,7 +303,7 @@ class SampleTable:
         return cls(mid, radius, list(map(str, stored["reasons"])), spent, bool(stored["rounded"]))
 
     def answers(self, wanted: Collection[str], sizes: Mapping[str, int], y: Array, columns: list[int]) -> bool:
-        """Return True if the table contains all data of a problem.
+        """Return True if the table contains all data that a problem requires.
 
         Args:
             wanted: Requested quantities.

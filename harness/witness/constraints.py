@@ -1,7 +1,7 @@
-"""Loop constraints of a tree: residuals of closures and couplings, their rates, and the admitted motions.
+"""Loop constraints of a tree: residuals of closures and couplings, their rates, and the admissible motions.
 
-The rows that express a loop can be chosen differently (a weld, three points, a different order); the admitted motions
-do not depend on this choice.
+A loop can be expressed by different rows (a weld, three points, a different order); the admissible motions do not
+depend on this choice.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ from screwgauge.witness.tree import FREEDOMS, Coupled, SpanningTree, TreeStates
 STEPS, FAR, CLOSED = 40, 0.5, 1e-11
 #: Singular values below this fraction of the largest belong to redundant rows.
 DEPENDENT = 1e-8
-#: Singular values between these fractions indicate a singular pose, found to about the square root of rounding.
+#: Singular values between these fractions of the largest indicate a singular pose, which is known only to about the
+#: square root of rounding.
 UNCLEAR = 1e-11, 1e-5
 
 
 def closure_gaps(motion: TreeMotion[SpanningTree], order: int = 0) -> dict[str, Array]:
-    """Return the displacement of each closure's second frame relative to its first, or a derivative, in world axes.
+    """Return the displacement of each closure's second frame from its first, or its derivative, in world axes.
 
     Args:
-        order: Order of the derivative, up to 2; derivatives of a weld's rotation are valid where the weld is closed.
+        order: Order of the derivative, up to 2; derivatives of a weld's rotation are valid only if the weld is closed.
 
     Returns:
         Closure -> displacement, shape (n, 3), for points; rotation vector, then displacement, shape (n, 6), for welds.
@@ -52,7 +53,7 @@ def closure_gaps(motion: TreeMotion[SpanningTree], order: int = 0) -> dict[str, 
 
 
 def coupling_gaps(motion: TreeMotion[SpanningTree], order: int = 0) -> Array:
-    """Return the deviation of coupled coordinates, or their derivatives, from the couplings. Shape (n, n_coupling)."""
+    """Return the errors of all couplings, or derivatives of these errors. Shape (n, n_coupling)."""
     states, couplings = motion.states, motion.tree.couplings
     out = np.empty((len(states.q), len(couplings)))
     for k, one in enumerate(couplings.values()):
@@ -63,7 +64,7 @@ def coupling_gaps(motion: TreeMotion[SpanningTree], order: int = 0) -> Array:
 
 
 def _leads(one: Coupled, states: TreeStates) -> tuple[Array, Array, Array]:
-    """Return a coupling's value, computed from the other coordinates, and two derivatives. Shape (n,) each."""
+    """Return the value that a coupling prescribes for its coordinate, and two derivatives. Shape (n,) each."""
     _, _, constant, leads = one
     total, rate, change = (np.full(len(states.q), x) for x in (constant, 0.0, 0.0))
     for column, velocity, p in leads:
@@ -89,7 +90,7 @@ def closure_rows(motion: TreeMotion[SpanningTree]) -> dict[str, Array]:
 
 
 def coupling_rows(motion: TreeMotion[SpanningTree]) -> Array:
-    """Return rates of the couplings per unit velocity. Shape (n, n_coupling, n_freedom)."""
+    """Return the rates of the couplings' errors per unit velocity. Shape (n, n_coupling, n_freedom)."""
     tree, q = motion.tree, motion.states.q
     rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
     for k, (_, own, _, leads) in enumerate(tree.couplings.values()):
@@ -106,7 +107,7 @@ def gaps_and_rows(tree: SpanningTree, states: TreeStates) -> tuple[Array, Array]
 
 
 def gap_bias(tree: SpanningTree, states: TreeStates) -> Array:
-    """Return the second derivative of all gaps, Jdot v; rotations of welds are treated as closed. Shape (n, m)."""
+    """Return the second derivative of all gaps at zero accelerations, Jdot v, assuming closed welds. Shape (n, m)."""
     return residual(move(tree, replace(states, qdd=np.zeros_like(states.qdd))), 2)
 
 
@@ -147,7 +148,7 @@ def close_loops(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDA
     """Close the loops with Newton's method; correct velocities and accelerations so that the loops stay closed.
 
     Returns:
-        The states that could be closed, and their flags among the given states, shape (n,).
+        The states that could be closed, and flags that mark them among the given states, shape (n,).
     """
     q, length, todo = states.q.copy(), max(tree.length, 1.0), np.arange(len(states.q))
     for _ in range(STEPS):
@@ -175,8 +176,8 @@ def newton_step(rows: Array, gap: Array) -> Array:
 def is_rank_clear(rows: Array) -> NDArray[np.bool_]:
     """Flag states in which the rank of the rows is clear; shape (n, m, n_freedom) -> (n,).
 
-    Near a singular pose, Newton's method reaches only half the digits, and some singular values are neither zero nor
-    regular.
+    Near a singular pose, Newton's method reaches only half the digits, and some singular values are neither clearly
+    zero nor clearly nonzero.
     """
     s = np.linalg.svd(rows, compute_uv=False)
     s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
@@ -184,7 +185,7 @@ def is_rank_clear(rows: Array) -> NDArray[np.bool_]:
 
 
 def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Array, Array]:
-    """Return the projector onto the velocities that the rows admit.
+    """Return the projector onto the velocities that the rows allow.
 
     Args:
         rows: Shape (n, m, n_freedom).
@@ -204,11 +205,11 @@ def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Arr
 
 @dataclass(frozen=True, eq=False)
 class AdmissibleMotion:
-    """Motions admitted by the closed loops at n poses, with dimensionless equations.
+    """Admissible motions of a mechanism with closed loops at n poses, with dimensionless equations.
 
     Attributes:
         motion: Motion of the tree at the poses.
-        equations: Rates of the gaps per velocity, followed by the rows that select y. Shape (n, m + k, n_freedom).
+        equations: Rates of the gaps per unit velocity, followed by the rows that select y. Shape (n, m + k, n_freedom).
         gap_size: Unit of each gap, 1 rad or the machine's length. Shape (m,).
         size: Unit of each velocity, 1 rad or the machine's length [m]. Shape (n_freedom,).
         columns: Columns of the independent velocities.
@@ -225,7 +226,7 @@ class AdmissibleMotion:
 
         Args:
             y: Derivatives of the independent coordinates. Shape (n, k) or (n, k, m).
-            gaps: `constraints.residual` at zero derivatives; zero by default. Shape (n, m).
+            gaps: Gap derivatives at zero coordinate derivatives, see `residual`; zero by default. Shape (n, m).
 
         Returns:
             Shape (n, n_freedom) or (n, n_freedom, m).
@@ -241,18 +242,18 @@ class AdmissibleMotion:
 
     @cached_property
     def partial(self) -> Array:
-        """Velocities of all coordinates per velocity of y. Shape (n, n_freedom, k)."""
+        """Velocities of all coordinates per unit velocity of y. Shape (n, n_freedom, k)."""
         return self.joints(np.tile(np.eye(len(self.columns)), (len(self.equations), 1, 1)))
 
     @cached_property
     def bodies(self) -> Array:
-        """Angular velocities, then velocities of the centres of mass, per velocity of y. Shape (n, n_body, 6, k)."""
+        """Angular velocities, then velocities of centres of mass, per unit velocity of y. Shape (n, n_body, 6, k)."""
         J = self.motion.jacobian(self.motion.tree.bodies, self.motion.com.p)[:, :, [3, 4, 5, 0, 1, 2]]
         return np.asarray(J @ self.partial[:, None])
 
 
 def admissible_motion(motion: TreeMotion[MechanismTree]) -> AdmissibleMotion:
-    """Compute the motions that the loops of a mechanism admit at the poses of a motion."""
+    """Compute the motions that a mechanism's loops allow at the poses of a given motion."""
     tree, length, columns = motion.tree, motion.tree.length, motion.tree.mechanism.independent_columns
     size = np.array([1.0 if unit == "rad" else length for unit in tree.mechanism.units])
     gap_size = [np.array([1.0] * 3 + [length] * 3)[-3 * (1 + (c.kind == "weld")) :] for c in tree.closures.values()]

@@ -126,7 +126,7 @@ class InverseDynamics:
 
 
 def dynamics(tree: SpanningTree, states: TreeStates) -> InverseDynamics:
-    """Compute all terms."""
+    """Compute all terms of `InverseDynamics`."""
     motion = move(tree, states)
     bodies, needed = motion.bodies, _needed(motion)
     weights = np.zeros_like(needed.inertial)
@@ -158,7 +158,7 @@ def _needed(motion: TreeMotion[SpanningTree]) -> NewtonEulerTerms:
 
 
 def _entry(tree: SpanningTree, name: str) -> Array:
-    """Return an entry of `SpanningTree.passive`, zeros by default."""
+    """Return an entry of `SpanningTree.passive`, or zeros if there is none."""
     return tree.passive.get(name, np.zeros(tree.freedom))
 
 

@@ -1,7 +1,7 @@
-"""The witness's kinds of joint, and conversion of mechanisms to trees of links.
+"""Joint kinds of the witness, and conversion of mechanisms to trees of links.
 
-This table is derived from the meaning of the kinds, not from the solver's table of joint types, so that the witness
-reveals a wrong sign or direction in that table.
+The table `JOINT_KINDS` is derived from the meaning of the kinds, not from the solver's table of joint types, so that
+the witness reveals a wrong sign or direction in that table.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ JOINT_KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
 def freedoms(joint: Joint) -> list[tuple[str, Array]]:
     """List a joint's elementary joints in order: kind, and axis in the joint's frame.
 
-    Hinges have the joint's axes. A single slide is along the first axis, two slides are orthogonal to this axis, and
-    three slides are along the frame's axes.
+    Hinges rotate about the joint's axes. A single slide moves along the first axis, two slides move orthogonally to
+    this axis, and three slides move along the frame's axes.
     """
     kinds = JOINT_KINDS[joint.kind][0]
     ways = {2: list(orthogonal_axes(joint.axes[0]).values()), 3: list(np.eye(3))}
@@ -78,14 +78,14 @@ class MechanismTree(SpanningTree):
     body_frames: Mapping[str, FixedFrame]
 
     def on(self, body: str, frame: Frame) -> FixedFrame:
-        """Return the fixed frame for a frame given in a body."""
+        """Convert a frame given in a body to a frame fixed to a link."""
         return self.body_frames[body].placed(frame.R, frame.p)
 
 
 def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> MechanismTree:
     """Convert a mechanism to the spanning tree of a graph.
 
-    A joint that closes a loop leads to a massless copy of its child; a weld constraint aligns the copy with the child.
+    A joint that closes a loop moves a massless copy of its child; a weld constraint aligns the copy with the child.
     """
     links, at = _span(mechanism, graph)
     closures = {
@@ -109,13 +109,13 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
 
 
 def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> tuple[SpanningTree, list[int], Array]:
-    """Build the open tree of the named joints; a joint that would close a loop leads to a copy of its body.
+    """Build the open tree of the named joints; a joint that would close a loop moves a copy of its body.
 
     A body and its copies have equal shares of the mass. Ground has no copies: a joint whose child is ground is
     traversed from ground.
 
     Returns:
-        The tree; the index in the mechanism of each of its bodies, with copies last; and their mass shares, (m,).
+        The tree; for each body of the tree, copies last, its index in the mechanism; and its share of the mass, (m,).
     """
     links, at = _span(mechanism, graph)
     number = {body.name: i for i, body in enumerate(mechanism.bodies)}

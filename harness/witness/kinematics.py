@@ -72,7 +72,7 @@ class Moving:
 
 @dataclass(frozen=True, eq=False)
 class TreeMotion(Generic[AnyTree]):
-    """A tree in motion.
+    """Motion of a tree at samples.
 
     Attributes:
         states: Coordinates, velocities and their derivatives at the samples.
@@ -102,7 +102,7 @@ class TreeMotion(Generic[AnyTree]):
         return self.links.frames(self.tree.ends)
 
     def jacobian(self, frames: FixedFrame, points: Array) -> Array:
-        """Return angular velocity, then velocity of a point, of each frame per unit velocity.
+        """Return each frame's angular velocity, then the velocity of a point on it, per unit velocity.
 
         Args:
             points: World points [m]. Shape (n, m, 3).
@@ -151,7 +151,7 @@ def _move(tree: Tree, states: TreeStates) -> TreeMotion[Tree]:
 
 
 def unit_twists(motion: TreeMotion[SpanningTree]) -> Array:
-    """Return the twist at the world origin of each unit velocity, angular first. (n, f, 6)."""
+    """Return the twist about the world origin due to each unit velocity, angular part first. (n, f, 6)."""
     number, _, turns = motion.tree.velocity
     lever = cross(motion.links.p[:, number], motion.axes)
     spins = turns[:, None]
@@ -159,10 +159,10 @@ def unit_twists(motion: TreeMotion[SpanningTree]) -> Array:
 
 
 def velocity_products(motion: TreeMotion[SpanningTree]) -> dict[str, Array]:
-    """Return the velocity products in the accelerations of all links moved by each velocity, by term of eq. (36).
+    """Return the velocity products of eq. (36) that each joint adds to the accelerations of all links that it moves.
 
-    The first factor belongs to the twist before the joint, the second to the twist that the joint adds. Both twists are
-    at the world origin, and all joints must be hinges or slides.
+    The first factor is a part of the twist before the joint, the second a part of the twist that the joint adds. Both
+    twists are about the world origin, and all joints must be hinges or slides.
 
     Returns:
         Term -> angular acceleration, then acceleration of the point at the world origin. Shape (n, n_freedom, 6).
@@ -189,7 +189,7 @@ def _first(x: Array) -> Array:
 
 
 def turn_frames(R: Array, by: Array) -> Array:
-    """Multiply orientations by fixed rotations, which are often all identity. Shapes (n, m, 3, 3), (m, 3, 3)."""
+    """Multiply orientations by fixed rotations; skip this if all are the identity. Shapes (n, m, 3, 3), (m, 3, 3)."""
     return R if (by == np.eye(3)).all() else product(R, by)
 
 

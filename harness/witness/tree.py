@@ -1,6 +1,6 @@
 """A tree of links as arrays: moving parts, masses, and loop constraints.
 
-Each link is carried by one elementary joint: a hinge, a slide, a ball or a free joint. Such a tree represents a
+Each link is moved by one elementary joint: a hinge, a slide, a ball or a free joint. Such a tree represents a
 mechanism or a model file.
 """
 
@@ -28,14 +28,14 @@ FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
 
 class FixedFrame(NamedTuple):
-    """One frame fixed to a link, or a stack of them; link 0 is the ground. Shapes (...), (..., 3, 3), (..., 3) [m]."""
+    """A frame fixed to a link, or a stack of such frames; link 0 is ground. Shapes (...), (..., 3, 3), (..., 3) [m]."""
 
     link: Any = 0
     R: Array = np.eye(3)
     p: Array = np.zeros(3)
 
     def placed(self, R: Array, p: Array) -> FixedFrame:
-        """Return the fixed frame for a pose given relative to this frame."""
+        """Return the frame on the same link whose pose relative to this frame is given."""
         return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
 
 
@@ -46,7 +46,7 @@ def stack_frames(frames: Sequence[FixedFrame]) -> FixedFrame:
 
 
 class TreeLink(NamedTuple):
-    """A link and the elementary joint that carries it.
+    """A link and the elementary joint that moves it.
 
     Attributes:
         kind: An entry of `COORDINATES`.
@@ -54,7 +54,7 @@ class TreeLink(NamedTuple):
         axis: Unit axis of a hinge or slide in `start`. Shape (3,).
         coordinate, velocity: The joint's first column among all coordinates and among all velocities.
         zero: Coordinate of a hinge or slide at zero displacement.
-        sign: -1 if the joint is entered from its child side.
+        sign: -1 if the joint is traversed from child to parent, otherwise 1.
     """
 
     kind: str
@@ -90,7 +90,7 @@ class SpanningTree:
     """A tree of links.
 
     Attributes:
-        links: Links, in an order in which parents come first; numbered from 1.
+        links: Links in an order in which parents come first, numbered from 1.
         freedom: Number of velocities.
         bodies: Frames of the bodies.
         mass, com, inertia: Mass [kg], centre of mass [m] and moment of inertia about this centre [kg m^2] of each body,
@@ -138,7 +138,7 @@ class SpanningTree:
 
     @cached_property
     def ends(self) -> FixedFrame:
-        """First frames of all closures, then their second frames."""
+        """First frames of all closures, then the second frames."""
         closures = self.closures.values()
         return stack_frames([each.first for each in closures] + [each.second for each in closures])
 
@@ -156,7 +156,7 @@ class SpanningTree:
 
     @cached_property
     def velocity(self) -> tuple[Rows, Array, NDArray[np.bool_]]:
-        """Link that each velocity moves (0 if none), the velocity's axis in that link, and True for rotation.
+        """Link that each velocity moves, or 0; the velocity's axis in that link; and whether it is a rotation.
 
         Shapes (n_freedom,), (n_freedom, 3), (n_freedom,).
         """
@@ -193,7 +193,7 @@ class SpanningTree:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TreeStates:
-    """Samples of motion.
+    """Samples of a motion.
 
     Attributes:
         q: Coordinates, see `COORDINATES` [rad or m]. Shape (n, n_coordinate).

@@ -39,7 +39,7 @@ class JointWrench:
     point: Array
 
     def on_bodies(self, motion: TreeMotion[MechanismTree]) -> Iterator[tuple[int, Array]]:
-        """Yield each loaded body except ground, with force, then moment about the centre of mass. Shape (n, 6)."""
+        """Yield each loaded body except ground, and the force, then moment about its centre of mass. Shape (n, 6)."""
         for side, sign in ((self.joint.child, 1.0), (self.joint.parent, -1.0)):
             body = motion.tree.mechanism.body_index[side] - 1
             if body >= 0:
@@ -75,7 +75,7 @@ def balance_amounts(units: Iterable[str], columns: Array, need: Array, length: f
     Args:
         units: Unit of each component, N or N m.
         columns: Effects from `wrench_columns`. Shape (n, n_body, 6, m).
-        need: Required wrenches on the bodies in p cases. Shape (n, n_body, 6, p).
+        need: Required wrenches on the bodies, for p cases. Shape (n, n_body, 6, p).
         length: Length that converts moments to forces [m].
         rules: Further linear combinations of the multiples that must vanish. Shape (n, l, m).
 
@@ -113,7 +113,7 @@ def unit_wrenches(motion: TreeMotion[MechanismTree], quantity: str) -> Iterator[
 
 
 def _of_couplings(motion: TreeMotion[MechanismTree]) -> Iterator[JointWrench]:
-    """Yield workless wrenches of couplings: 1 along the coordinate, minus the slope along each other coordinate."""
+    """Yield unit wrenches of couplings: 1 along its coordinate, minus the slope along each other coordinate."""
     rows, mechanism = coupling_rows(motion), motion.tree.mechanism
     for k, one in enumerate(mechanism.couplings):
         names = one.named
@@ -124,7 +124,7 @@ def _of_couplings(motion: TreeMotion[MechanismTree]) -> Iterator[JointWrench]:
 
 
 def coordinate_wrench(motion: TreeMotion[MechanismTree], coordinate: str, amount: Array) -> JointWrench:
-    """Return a force along a coordinate that does no work on the joint's other coordinates. `amount`: shape (n,)."""
+    """Return a force of a given amount, (n,), along a coordinate; it does no work on the joint's other coordinates."""
     mechanism = motion.tree.mechanism
     joint = next(joint for joint in mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(motion, joint)
@@ -135,7 +135,9 @@ def coordinate_wrench(motion: TreeMotion[MechanismTree], coordinate: str, amount
 
 
 def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
-    """Return a unit force along a coordinate without work on the joint's other coordinates: force and moment, (n, 3).
+    """Return the force and moment, (n, 3) each, of a unit force along a coordinate.
+
+    The force does no work on the joint's other coordinates.
 
     Args:
         near: World axes of the joint's frame on its parent. Shape (n, 3, 3).
@@ -158,13 +160,13 @@ def _frames(motion: TreeMotion[MechanismTree], joint: Joint) -> tuple[Array, Arr
 
 
 def constrained_directions(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
-    """Return the constrained directions of a joint; labels such as ``fx`` are forces, and ``mx`` moments.
+    """Return the constrained directions of a joint; labels such as ``fx`` denote forces, and ``mx`` moments.
 
-    Forces of joints with rotations only, and of fixed joints, are along the world axes. Moments of a P joint are along
-    all three axes of the child's joint frame. The force of an E joint is along the normal, and is labelled with the
-    frame axis if the normal is a frame axis. The moment of a U joint is along the cross product of its first and second
-    axes. All remaining forces and moments are along the two directions across the joint's axis. These directions are
-    axes of the child's joint frame if the joint's axis is a frame axis; if not, they are labelled 1 and 2.
+    Forces of fixed joints, and of joints that only rotate, are along the world axes. Moments of a P joint are along
+    all three axes of the child's joint frame. The force of an E joint is along its normal; its label names the frame
+    axis if the normal is one. The moment of a U joint is along the cross product of its first and second axes. All
+    remaining forces and moments are along the two directions across the joint's axis. These directions are axes of
+    the child's joint frame if the joint's axis is a frame axis; if not, they are labelled 1 and 2.
 
     Args:
         near, far: World axes of the joint's frame on its parent and on its child. Shape (n, 3, 3).
@@ -201,7 +203,7 @@ def exerted_wrenches(
     """Yield the wrenches of loads, springs, dampers and motors, and of rotors and friction of joints.
 
     Args:
-        resist: Rotors, damping and dry friction to include; by default all in the mechanism.
+        resist: Rotors, damping and dry friction to include; by default all of the mechanism.
 
     Yields:
         Index of a body, ground excluded; force and moment, shape (n, 3) or (3,); and the vector from the centre of mass
@@ -266,7 +268,7 @@ def exerted_on_bodies(
 
 
 def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
-    """Yield coordinates and the forces of motors, springs and dampers along them. Shape (n,)."""
+    """Yield the coordinate of each motor, and of each spring and damper, and the force along it. Shape (n,)."""
     for motor in applied.motors:
         yield motor.coordinate, _over_time(motor.course, t)
     for spring in applied.springs:
@@ -311,7 +313,7 @@ def _pull(
 
 
 def _line(spring: PointSpring, motion: TreeMotion[MechanismTree]) -> tuple[Array, Array]:
-    """Return the vector from the first point to the second, and its rate. Shape (n, 3) each."""
+    """Return the vector from a spring's first point to its second, and its rate. Shape (n, 3) each."""
     frames = motion.tree.body_frames
     ends = motion.links.frames(stack_frames([frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
     return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]

@@ -1,8 +1,8 @@
 """Springs, dampers, motors and loads on an engine's open tree, computed from the engine's body poses and rates.
 
-`forces_at_joints` and `wrenches_on_bodies` compute them, for the samples of a given motion and for a single state of a
-simulation. They become wrenches on bodies (`applied_wrenches`) or forces along the coordinates of the tree
-(`TreeForces`).
+For the samples of a given motion, `applied_wrenches` converts these forces to wrenches on bodies; for a single state of
+a simulation, `TreeForces` converts them to forces along the coordinates of the tree. Both use `forces_at_joints` and
+`wrenches_on_bodies`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from screwgauge.reference.rotations import Array, cross
 
 
 def resisting_joints(closed: ClosedTree) -> tuple[Resistance, ...]:
-    """Return damping and dry friction of joints; the engine itself includes rotors."""
+    """Return damping and dry friction of joints; the engine itself accounts for rotors."""
     return resistances(closed.file.joints, LOSSES)
 
 
@@ -64,7 +64,7 @@ def applied_wrenches(
 
 
 def _drive(closed: ClosedTree, joint: Joint, at: BodyPoses, q: Array, tau: Array, out: Array) -> None:
-    """Add the wrenches that forces along a joint's coordinates exert on its bodies, without work on other motions."""
+    """Add the wrenches on a joint's bodies due to forces along its coordinates; they do no work on other motions."""
     parent, child = closed.loops.sides(joint)
     frames = closed.joint_pose(joint, at)
     values = joint_values(joint.freedoms, range(q.shape[1]), coordinates(q, NUMPY))
@@ -140,7 +140,7 @@ class TreeForces:
 
 
 def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:
-    """Build the reader of a joint coordinate, which may belong to the tree or to a cut joint."""
+    """Build a function that reads a joint coordinate, which may be in the tree or in a cut joint."""
     tree, loops = closed.tree, closed.loops
     if coordinate in tree.coordinates:
         column = tree.coordinates.index(coordinate)
@@ -154,9 +154,9 @@ def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:
 
 
 def _cut_reader(closed: ClosedTree, joint: Joint, i: int, start: Array) -> Reader:
-    """Build the reader of a cut joint's coordinate.
+    """Build a function that reads a cut joint's coordinate.
 
-    Each reading is the angle nearest to the previous reading, which tracks full turns and passes gimbal lock.
+    Each reading is the angle nearest to the previous reading, so that full turns are counted, even past gimbal lock.
     """
     last = closed.loops.begin(joint, start)
     parent, child = closed.loops.index[joint.parent], closed.loops.index[joint.child]
@@ -173,7 +173,7 @@ def _cut_reader(closed: ClosedTree, joint: Joint, i: int, start: Array) -> Reade
 
 
 def spring_pull(spring: JointSpring, tree: OpenTree, q: Array, v: Array) -> Array:
-    """Return the forces along all coordinates due to a spring along a tree coordinate. Shape (n, n_v) each."""
+    """Return the forces along all coordinates due to a spring along a tree coordinate. Shape (n, n_v)."""
     tau, k = np.zeros_like(q), tree.coordinates.index(spring.coordinate)
     tau[:, k] = -spring.pull(q[:, k], v[:, k])
     return tau

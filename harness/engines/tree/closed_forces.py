@@ -41,8 +41,8 @@ def closed_forces(
 
     Returns:
         Quantity -> values, (n, m); quantity -> condition number of the equations solved for it, if any, (n,); and the
-        largest force along a coordinate, with or without loads, where moments are divided by the mechanism's length
-        [N], (n,).
+        largest force along a coordinate, whether loads are included or not, with moments divided by the mechanism's
+        length [N], (n,).
     """
     (problem, idle), (inverse, K), (acting, along) = given, system, exerted
     tau, wanted, units = motion[3], problem.wanted, closed.units
@@ -81,11 +81,11 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone
 
     Args:
         G: Derivative of the closing rows. Shape (n, m, n_v).
-        need: Joint forces that actuators and closures must deliver together. Shape (n, n_v).
+        need: Joint forces that actuators and closures must supply together. Shape (n, n_v).
         alone: Wrench on each body from its tree parent without closures. Shape (n, n_body + 1, 6).
 
     Returns:
-        Forces, shape (n, n_actuator), and the condition number of the equations, (n,).
+        Actuator forces, shape (n, n_actuator), and the condition number of the equations, (n,).
 
     Raises:
         ModelFileError: The loops file lacks the table ``[spherical_axial]``, which names the joint.
@@ -105,8 +105,8 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone
 
 
 def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array]:
-    """Return a joint's force on one of its bodies: without closures [N], (n, 3), and per unit force of each anchor,
-    (n_anchor,)."""
+    """Return a joint's force on one of its bodies without closures [N], (n, 3), and its change per unit force of each
+    anchor, (n_anchor,)."""
     loops = closed.loops
     if joint in loops.cut:
         return np.zeros((len(alone), 3)), np.array([float(anchor.joint == joint.name) for anchor in loops.anchors])
@@ -123,7 +123,7 @@ def _outer(joint: Joint, closed: ClosedTree) -> int:
 
 
 def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array) -> Array:
-    """Compute reaction components of every joint and coupling of the description, for tree and cut joints.
+    """Compute the reaction components of every joint, whether in the tree or cut, and of every coupling.
 
     Args:
         transmitted: Wrench on each body from its tree parent, about its origin. Shape (n, n_body + 1, 6).

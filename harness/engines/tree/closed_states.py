@@ -25,8 +25,8 @@ def project(mover: Mover, q: Array, v: Array) -> tuple[Array, Array, tuple[float
     Uses Newton's method with a single factorisation; the first correction reduces a drift of 1e-6 to 1e-12.
 
     Returns:
-        Tree coordinates and rates, shape (n_v,) each, and three largest closing errors: position error [m or rad] and
-        rate error [per s] before projection, and position error after projection.
+        Tree coordinates and rates, shape (n_v,) each, and three maxima of closing errors: of position [m or rad] and of
+        rate [per s] before the projection, and of position after it.
 
     Raises:
         SingularPoseError: The state has grown so large that its closing errors are not finite.
@@ -75,11 +75,11 @@ def _pseudo_inverse(G: Array) -> Array:
     return np.asarray((V / w[kept]) @ (V.T @ G.T))
 
 
-_MEMORY = 2e7  # bytes of the Jacobians of all bodies held at a time
+_MEMORY = 2e7  # largest memory for the Jacobians of all bodies [bytes]
 
 
 class Path:
-    """States in order of time, some of which are requested.
+    """States of a motion in order of time; only some of them are requested.
 
     Attributes:
         t, q, v: Times [s], tree coordinates and rates, one entry for each state.

@@ -1,4 +1,4 @@
-"""An engine's open tree with its cut joints: rows that close the loops, computed from the engine's poses."""
+"""An engine's open tree with its cut joints, and the rows that close its loops, computed from its poses."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class AnchorPair:
 
 @dataclass(frozen=True, eq=False)
 class TreeLoops:
-    """Closing rows of a tree: anchors, couplings, then one row for each independent coordinate."""
+    """Closing rows of a tree: rows of anchors, rows of couplings, then one row per independent coordinate."""
 
     anchors: tuple[AnchorPair, ...]
     couplings: CouplingRows  # in the coordinates of the tree
@@ -62,7 +62,7 @@ class TreeLoops:
         return at.points(*self._points)
 
     def gaps(self, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Return child side minus parent side of each anchor [m or rad], given all `ends`. Shape (n, 3 n_anchor)."""
+        """Return each anchor's child side minus its parent side [m or rad], given all `ends`. Shape (n, 3 n_anchor)."""
         m, ends = len(self.anchors), self.ends(at) if ends is None else ends
         out = ends[:, :m] - ends[:, m:]
         for k, anchor in enumerate(self.anchors):
@@ -103,7 +103,7 @@ class TreeLoops:
         return out.reshape(len(out), 3 * m)
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
-        """Read the coordinates of all or some cut joints."""
+        """Read the coordinates of all cut joints, or of those named in `only`."""
         return {
             joint.name: read_chart(joint, at.R[:, self.index[joint.parent]], at.R[:, self.index[joint.child]])
             for joint in self.cut
@@ -111,7 +111,7 @@ class TreeLoops:
         }
 
     def sides(self, joint: Joint) -> tuple[int, int]:
-        """Return parent and child of a joint in the tree, where a copy made for the joint may replace a body."""
+        """Return a joint's parent and child bodies in the tree; either may be a copy made for this joint."""
         parent, child = (self.index.get(f"{x}@{joint.name}", self.index[x]) for x in (joint.parent, joint.child))
         return parent, child
 
@@ -124,7 +124,7 @@ class TreeLoops:
         return angles
 
     def relative(self, joint: Joint, values: Array) -> Array:
-        """Return the angular part of child minus parent of body values. (n, n_body + 1, 6, ...) -> (n, 3, ...)."""
+        """Subtract the parent's angular values from the child's. Shape (n, n_body + 1, 6, ...) -> (n, 3, ...)."""
         return np.asarray(values[:, self.index[joint.child], :3] - values[:, self.index[joint.parent], :3])
 
     def wrenches(self, at: BodyPoses, forces: Array) -> Array:
@@ -203,7 +203,7 @@ def _anchors(closure: Closure, index: dict[str, int]) -> list[AnchorPair]:
 
 
 Charts = dict[str, Chart]
-"""Cut joint -> its coordinates at some poses."""
+"""Cut joint -> chart of its coordinates at n poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +230,7 @@ class ClosedTree:
 
     @cached_property
     def angles(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Flags of angles among the tree coordinates and among the independent coordinates. Shapes (n_v,), (k,)."""
+        """Flags that mark angles among tree coordinates and among independent coordinates. Shapes (n_v,), (k,)."""
         turns = {name: turn for j in self.file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
         names = self.tree.coordinates, self.file.independent.values()
         tree, independent = (np.array([turns[name] for name in some], dtype=bool) for some in names)
@@ -339,7 +339,7 @@ class ClosedTree:
         return accelerations
 
     def gaps(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Return residuals of closures, then couplings, for q, poses and `ends`, see `TreeLoops.ends`. Shape (n, m)."""
+        """Return the residuals of closures, then of couplings; for `ends` see `TreeLoops.ends`. Shape (n, m)."""
         gaps, couplings = self.loops.gaps(at, ends), self.loops.couplings
         return np.concatenate([gaps, couplings.residuals(q)], axis=1) if len(couplings) else gaps
 
@@ -379,7 +379,7 @@ class ClosedTree:
         return np.asarray(self.tree.com[i - 1]) if i else np.zeros(3)
 
     def joint_pose(self, joint: Joint, at: BodyPoses) -> JointPose:
-        """Return the frames of a joint on its two bodies."""
+        """Return the world frames of a joint on its two bodies."""
         parent, child = self.loops.sides(joint)
         before = placed(at.R[:, parent], at.p[:, parent], joint.parent_frame)
         return JointPose(joint, *before, *placed(at.R[:, child], at.p[:, child], joint.child_frame))

@@ -77,7 +77,7 @@ class Chart:
         return self.rates(local[..., None])[..., 0]
 
     def near(self, angles: Array) -> Chart:
-        """Return a chart of the same rotations whose triples and full turns are nearest to given angles.
+        """Return a chart of the same rotations with the equivalent angles nearest to the given angles.
 
         Args:
             angles: Shape (n, m).
@@ -85,7 +85,7 @@ class Chart:
         return replace(self, q=nearest_angles(self.q, angles)[0])
 
     def with_angle(self, i: int, angle: Array) -> Chart:
-        """Return a chart of the same rotations with triples whose angle `i` is nearest to `angle`, of shape (n,)."""
+        """Return a chart of the same rotations that uses the triple with angle `i` nearest to `angle`, shape (n,)."""
         if self.q.shape[1] < 3:
             return self
         two = other_triple(self.q)

@@ -57,7 +57,7 @@ _MOVED = frozenset(
 
 
 class _Work:
-    """Data common to all parts, and the last pose of the path."""
+    """Data common to all parts of a motion, and the last pose of its path."""
 
     def __init__(self, closed: ClosedTree, problem: Problem, motion: GivenMotion) -> None:
         self.closed, self.problem, self.motion, self.clock = closed, problem, motion, Clock()
@@ -136,7 +136,7 @@ class _Work:
 
 
 def mask_gimbal_lock(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
-    """Return rates of cut joints, (n, m) each, with NaN in gimbal lock."""
+    """Replace the rates of cut joints, (n, m) each, by NaN at gimbal lock."""
     return {
         name: np.where((charts[name].condition <= linear.SINGULAR)[:, None], rate, np.nan)
         for name, rate in rates.items()
@@ -144,19 +144,19 @@ def mask_gimbal_lock(charts: Charts, rates: dict[str, Array]) -> dict[str, Array
 
 
 class _Pass:
-    """Computation of the requested quantities at closed poses, stage by stage.
+    """Computes the requested quantities at closed poses, stage by stage.
 
     Attributes:
         values: Quantity -> shape (n, m).
-        conditions: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
+        conditions: Quantity -> condition number of the equations from which it was solved. Shape (n,).
         speed, rush, load: Scales of velocity, acceleration and force, as in `Trust`. Shape (n,).
     """
 
     def __init__(self, work: _Work, motion: GivenMotion, q: Array, at: BodyPoses, charts: Charts, A: Array) -> None:
-        """Begin at closed poses.
+        """Start from closed poses.
 
         Args:
-            q, at: Coordinates of the tree, shape (n, n_v), and its poses there.
+            q, at: Coordinates of the tree, shape (n, n_v), and its poses at q.
             charts: Coordinates of the cut joints.
             A: Dimensionless closing system. Shape (n, m + k, n_v).
         """
@@ -263,7 +263,7 @@ class _Pass:
         self.a = self.a + (self.K[..., idle] @ x[..., None])[..., 0]
 
     def _measure(self, A: Array) -> None:
-        """Measure the closure residuals of position, velocity and acceleration, which soft constraints convert to
+        """Measure the closure residuals of position, velocity and acceleration, to which soft constraints respond with
         forces.
         """
         q, at, closed, V = self.q, self.at, self.closed, self.V
@@ -289,7 +289,7 @@ class _Pass:
                 self.work.softness["tree_force_soft"] = max(known, tolerance)
 
     def _inertia_and_weight(self) -> Array:
-        """Return the largest inertial plus weight force along a coordinate, assuming no cancellation [N]. (n,)."""
+        """Return the largest sum of inertial force and weight along a coordinate, without cancellation [N]. (n,)."""
         tree, at, L = self.closed.tree, self.at, self.closed.length
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * L
         bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few bodies

@@ -37,10 +37,10 @@ def loops_file(files: ModelFiles) -> LoopsFile:
 
 
 class TreeModel:
-    """An open tree that closes its own loops.
+    """A loaded model of an open-tree engine.
 
     Attributes:
-        dynamics: Dynamics of the engine; None if it accepts only given motions.
+        dynamics: Dynamics of the engine; None if the engine solves only given motions.
     """
 
     def __init__(self, closed: ClosedTree, dynamics: TreeDynamics | None = None) -> None:
@@ -105,7 +105,7 @@ class TreeModel:
                 heavy.add(body)
                 body = above[body]
         if light := [body for body in tree.bodies if body not in heavy]:
-            what = f"body '{light[0]}' and all that it carries in the open tree have no mass, which {tree.engine} needs"
+            what = f"body '{light[0]}' and its subtree in the open tree have no mass, which {tree.engine} requires"
             raise ModelFileError(what, self._where, "use screw, or add mass")
 
 
@@ -119,7 +119,7 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
 
     Raises:
         ModelFileError: The coordinates differ from the tree's, or the task lacks exactly one of `a` and `tau`.
-        DescriptionError: Forces are given and the problem also has loads, motors, or springs not along tree
+        DescriptionError: Forces are given, and the problem also has loads, motors, or springs that are not along tree
             coordinates; or a joint outside the tree has damping or friction.
     """
     tree = closed.tree
@@ -182,7 +182,7 @@ def _springs(closed: ClosedTree, applied: Applied) -> list[JointSpring]:
         raise DescriptionError(
             "besides the given forces, states can include only gravity and springs along tree coordinates",
             f"model of {closed.tree.engine}",
-            "add other forces to those along the coordinates",
+            "include other forces in the forces along the coordinates",
         )
     return springs
 

@@ -1,11 +1,11 @@
 """The protocol of open-tree engines such as Pinocchio and MuJoCo.
 
-Given motions need the five methods of `OpenTree` that have no default. Simulations and states also need the four
+Given motions require the five methods of `OpenTree` that have no default. Simulations and states also require the four
 methods of `Mover` and the two methods of `TreeDynamics` that have no default. A `Stepper` is needed only if the engine
 has its own integrator.
 
-Arrays are in the engine's own coordinate order, in world axes; ground is body 0. For n states, q, v, a and tau have
-shape (n, n_v); for the single state of a mover or stepper, (n_v,).
+Arrays follow the engine's own coordinate order and use world axes; ground is body 0. For n states, q, v, a and tau have
+shape (n, n_v); for the single state of a mover or stepper, they have shape (n_v,).
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class BodyPoses:
         """Return body accelerations at constant coordinate velocities. Shape (n, n_body + 1, 6).
 
         Args:
-            rates: Derivatives of the screws in time. Shape (n, 6, n_v).
+            rates: Time derivatives of the screws. Shape (n, 6, n_v).
             v, V: Velocities of the coordinates, and of the bodies.
             about: World points at which the accelerations of each body are taken. Shape (n, n_body + 1, 3).
         """
@@ -138,7 +138,7 @@ class OpenTree(Protocol):
         """
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        """Return accelerations of centres of mass without gravity, by default from `bias`. Shape (n, n_body, 3)."""
+        """Return accelerations of centres of mass without gravity; the default uses `bias`. Shape (n, n_body, 3)."""
         at = self.poses(q)
         V = at.velocities(v)
         A = self.bias(at, q, v, V) + at.velocities(a)
@@ -149,7 +149,7 @@ class OpenTree(Protocol):
         """Compute inverse dynamics of the open tree under gravity only. Shape (n, n_v)."""
 
     def mass_matrix(self, q: Array) -> Array:
-        """Return the tree's mass matrix, by default from `tree_force` at unit accelerations. Shape (n, n_v, n_v)."""
+        """Return the tree's mass matrix; the default uses `tree_force` at unit accelerations. Shape (n, n_v, n_v)."""
         still = np.zeros_like(q)
         rest = self.tree_force(q, still, still)
         return np.stack([self.tree_force(q, still, still + unit) - rest for unit in np.eye(q.shape[1])], axis=1)
@@ -222,8 +222,8 @@ class Stepper(Protocol):
     Attributes:
         setting: Description of the method and its settings.
         order: Order of the method.
-        work: Whether the input work is requested; examining every step for it may take longer than the steps.
-        closing: Names of the loop-closing forces that it can return.
+        work: Whether the input work is requested; computing it at every step may take longer than the steps.
+        closing: Names of the loop-closing forces that `accelerations` returns.
         notes: Remarks after a motion.
     """
 
@@ -248,7 +248,7 @@ class Stepper(Protocol):
         """
 
     def accelerations(self, t: float) -> tuple[Array, Array]:
-        """Return current accelerations, and forces on the child sides in the order of `closing` [N], shape (k,)."""
+        """Return current accelerations, and the forces `closing`, which act on the child sides [N], shape (k,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -285,10 +285,10 @@ class TreeDynamics(Protocol):
     naive: bool = False
 
     def mover(self) -> Mover:
-        """Create the mover with the engine's most accurate settings."""
+        """Create a mover that uses the engine's most accurate settings."""
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper | None:
-        """Create the engine's integrator for a problem; None by default, see `projected_stepper.ProjectedStepper`."""
+        """Create the engine's own integrator, if any; if None, `projected_stepper.ProjectedStepper` is used."""
         return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:

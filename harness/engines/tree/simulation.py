@@ -41,7 +41,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Solution, Stopwatch, Values, empty
 
 #: Number of recent steps whose largest size is used to pass a pose with unreliable accelerations, because steps may
-#: have shrunk in front of it.
+#: have shrunk on approach to it.
 RECENT = 10
 #: Fraction of the longest step from which a step counts as having the usual size.
 USUAL = 0.1
@@ -161,7 +161,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
             f"largest drift from the closed loops, removed after each step: {residual:.1e} (m, rad), {rate:.1e} /s"
         )
     if steps.over:
-        notes.append(f"{steps.over} steps were repeated with a different step size since accelerations were unreliable")
+        notes.append(f"{steps.over} steps were repeated with a different size because accelerations were unreliable")
     read, cost = read_path(closed, run.path, task.start), replace(steps.cost, evaluations=run.evaluations)
     setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}; {mover.setting}"
     labels = closed.tree.engine, closed.tree.version, setting
@@ -170,7 +170,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
 
 
 class _Steps:
-    """Integration through all times, with retries.
+    """Integrates through all requested times, and retries steps that fail.
 
     Attributes:
         over: Number of retried steps.
@@ -253,7 +253,7 @@ class _Steps:
 
 
 def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
-    """Return pose and velocities of the start, followed from the home pose with the engine's poses. (n_v,) each.
+    """Return coordinates and velocities at the start, reached from the home pose. Shape (n_v,) each.
 
     Raises:
         ScrewgaugeError: Shapes are wrong, the loops cannot close at the start, or the start is singular.
