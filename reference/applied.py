@@ -209,5 +209,5 @@ class Applied:
         return np.array(GRAVITY) if self.gravity is None else self.gravity
 
     def at(self, t: Array) -> Applied:
-        """Return the applied forces with loads sampled at times [s]. Shape (n,)."""
+        """Return the applied forces with loads evaluated at times [s]. Shape (n,)."""
         return replace(self, loads=tuple(load.at(t) for load in self.loads))

@@ -234,7 +234,7 @@ def check_plain(value: Any, where: str) -> None:
 
 
 def why(error: OSError | ValueError) -> str:
-    """Return the operating system's reason why a file cannot be read or written."""
+    """Return the reason that the operating system gives for failing to read or write a file."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 

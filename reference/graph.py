@@ -65,7 +65,7 @@ class Layout:
 
     @cached_property
     def loop(self) -> Array:
-        """Signs in the loop of each cut joint: path of parent + joint - path of child. Shape (n_cut, n_q)."""
+        """Signs of coordinates around each loop: path of parent + cut joint - path of child. Shape (n_cut, n_q)."""
         index = self.mechanism.body_index
         loop = np.zeros((len(self.cuts), self.path.shape[1]), dtype=self.path.dtype)
         for row, joint in zip(loop, self.cuts, strict=True):
@@ -96,7 +96,7 @@ def layout(mechanism: Mechanism) -> Layout:
 
 
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
-    """Build a tree that preferably cuts S joints, or else R joints without an actuator; point constraints close both.
+    """Build a tree that preferably cuts S joints, or else R joints without an actuator; points can close both kinds.
 
     Kruskal's algorithm adds joints in this order: F joints, which do not close loops; joints with coupled coordinates,
     which must be unknowns; joints in `keep`; joints with an actuator or a rotor; kinds that point constraints cannot
@@ -171,7 +171,7 @@ def output_body(mechanism: Mechanism) -> str:
 
 
 def chain(first: Edge, target: str, joints: Sequence[Joint]) -> tuple[Edge, ...]:
-    """Follow single joints from the first edge to the target body or the ground, or until the chain branches."""
+    """Follow joints from the first edge to the target body or the ground, or until the chain branches."""
     walked, unused = [first], [joint for joint in joints if joint is not first.joint]
     while (near := walked[-1].far) not in (target, GROUND):
         onward = [joint for joint in unused if near in joint.bodies]

@@ -278,7 +278,7 @@ class _Integration:
         raise _Rejected("the iteration for accelerations does not converge")
 
     def _noise(self, at: ClosedMotion) -> float:
-        """Estimate the change in accelerations due to rounding of poses by closing them again from nearby poses."""
+        """Estimate the change in accelerations due to rounding: close the poses again, starting from nearby poses."""
         y, unit = at.q[:, self.loops.y_columns], self.unit[self.idle]
         aside = at.q + ASIDE * self.loops.sizes * np.cos(np.arange(at.q.shape[1]))
         again = self._motion_at(at.t, y[:, self.idle], at.yd[:, self.idle], aside)
@@ -293,7 +293,7 @@ class _Integration:
         return pieces
 
     def _motion_at(self, t: Array, y: Array, yd: Array, near: Array | None = None) -> ClosedMotion:
-        """Compute closed poses and accelerations for idle states. Shapes (n,), (n, m), (n, m), (n, n_q)."""
+        """Compute closed poses and accelerations, given idle coordinates. Shapes (n,), (n, m), (n, m), (n, n_q)."""
         whole, rates, ydd = (np.array(x) for x in self.motion.given(t))
         whole[:, self.idle], rates[:, self.idle], ydd[:, self.idle] = y, yd, 0.0
         q = self._close_in_order(whole, t, (rates, ydd)) if near is None else self._close(whole, near)

@@ -86,7 +86,7 @@ class _End(NamedTuple):
 
     @property
     def axis(self) -> Array:
-        """Outer axis, which is fixed in the body. Shape (3,)."""
+        """Axis of the joint that is fixed in the body. Shape (3,)."""
         return np.asarray(self.frame.R @ self.joint.axes[-self.side])
 
     @property
@@ -96,7 +96,7 @@ class _End(NamedTuple):
 
 
 def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
-    """Return the joint ends of each body, without F joints."""
+    """Return the joint ends of each body, except those of F joints."""
     ends: dict[str, list[_End]] = {body.name: [] for body in mechanism.bodies}
     for joint in mechanism.joints:
         for side, (body, frame) in enumerate(joint.sides):

@@ -167,7 +167,7 @@ class Joint:
 
     @property
     def fixed(self) -> bool:
-        """True if the joint cannot move: a coupling locks its only coordinate at zero."""
+        """True if the joint cannot move, because a coupling locks its only coordinate at zero."""
         return self.kind == "fixed"
 
     @property

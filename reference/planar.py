@@ -45,7 +45,7 @@ def normals_of_planes(
 
 
 def _carry(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str, Step]]]) -> dict[str, Array]:
-    """Express directions (one or three columns) in the axes of bodies beyond joints that cannot rotate them."""
+    """Carry directions (one or three columns) to the axes of further bodies, across joints that cannot rotate them."""
     reached, rim = dict(known), [*known]
     for name in rim:
         for far, step in steps.get(name, ()):

@@ -187,8 +187,8 @@ def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
 def pose_joints(mechanism: Mechanism) -> frozenset[str]:
     """Return the ground joints that only assign coordinates to the pose of a body.
 
-    Such joints are unconstrained (F) or, at home, redundant to the remaining legs of the body (E), and no actuator,
-    coupling or other leg depends on them.
+    Such joints are unconstrained (F) or, at home, made redundant by the remaining legs of the body (E), and no
+    actuator, coupling or other leg depends on them.
     """
     found = {joint.name for joint in mechanism.joints if not joint.constrains}
     planar = [
@@ -243,7 +243,7 @@ def idle_forces(lay: Layout, q: Array) -> Array:
 def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElement, ...]:
     """Express a screw system as lines and directions that span it; lines come first.
 
-    Uses the principal screws (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines of zero
+    Uses the principal screws (Ball, A Treatise on the Theory of Screws, 1900), which meet at one point; lines of zero
     pitch replace them if the system contains enough such lines.
 
     Args:

@@ -1,7 +1,7 @@
 """Resistance of joint coordinates: rotor inertia, damping and dry friction.
 
 Rotors follow the armature model, which has inertia only along the coordinate. The model omits the remaining effects of
-a geared rotor: gyroscopic moments, and its coupling with the acceleration of the body that carries it.
+a geared rotor: gyroscopic moments, and the rotor's coupling with the acceleration of the body that carries it.
 """
 
 from __future__ import annotations

@@ -165,7 +165,7 @@ def within_half_turn(angles: Array) -> Array:
 
 
 def nearest_turn(angles: Array, near: Array) -> Array:
-    """Add full turns to angles such that they are nearest to given angles. Any shape."""
+    """Add full turns to angles so that they are nearest to given angles. Any shape."""
     return np.asarray(angles + TURN * np.round((near - angles) / TURN))
 
 

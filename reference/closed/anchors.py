@@ -268,7 +268,7 @@ class Anchors:
         return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, norm, np.inf)
 
     def on_one_branch(self, a: int, b: int) -> bool:
-        """Return True if anchors with intersecting balls lie on one branch: if their predictions agree half-way."""
+        """Return True if anchors with intersecting balls lie on one branch, i.e. if predictions agree half-way."""
         if (a, b) not in self.links:
             way = self.difference(self[b].y, self[a].y)
             middle, pair = (self[a].y + 0.5 * way)[None], (np.array([a]), np.array([b]))

@@ -1,6 +1,6 @@
 """Loop equations in the coordinates of the spanning tree, made dimensionless for Newton's method.
 
-`home_equations` fixes the coordinates that are constant on the home assembly mode; `read` computes the coordinates
+`home_equations` fixes the coordinates that are constant in the home assembly mode; `read` computes the coordinates
 of cut joints at closed poses. The equations themselves are in `equations.closure`.
 """
 
@@ -128,7 +128,7 @@ class LoopEquations(Loops):
 
         Args:
             z: Dimensionless unknowns. Shape (n, n_unknown).
-            guess: Joint coordinates; coordinates of cut joints select among equivalent angles. Shape (n, n_q).
+            guess: Joint coordinates; those of cut joints select among equivalent angles. Shape (n, n_q).
         """
         return read(self.lay, self.tree(z, guess))
 

@@ -53,7 +53,7 @@ class Walk:
         anchors: All known anchors.
         at: Number of the current anchor.
         left: Number of remaining steps.
-        loops: Coordinate that returns home after a full turn -> unknowns along that turn. Shape (v, n_z).
+        loops: Coordinate whose full turn leads back home -> unknowns along that turn. Shape (v, n_z).
     """
 
     def __init__(
@@ -269,7 +269,7 @@ class Walk:
         return np.asarray(z + TURN * np.where(self.anchors.angles, np.rint((near - z) / TURN), 0.0))
 
     def _look_for_turns(self, y: Array) -> None:
-        """Find full turns of angles if samples lie more than half a turn from home. Shape (n, k)."""
+        """Find angles whose full turn leads back home if samples are more than half a turn away. Shape (n, k)."""
         far = np.abs(y - self.anchors[0].y).max(axis=0) > np.pi
         for i in np.flatnonzero(far & self.turns).tolist():
             if i not in self.tried:
@@ -277,7 +277,7 @@ class Walk:
                 self._turn(i)
 
     def _turn(self, i: int) -> None:
-        """Test whether a full turn of an angle returns home; store how other angles turn along the path."""
+        """Test whether a full turn of an angle leads back home; store how other angles turn along the path."""
         at, visits, home = self.at, self.visits, self.anchors[0]
         self.at, self.visits, self.left = 0, [0], MOST
         try:
@@ -306,7 +306,7 @@ class Walk:
 
     @property
     def windings(self) -> Array:
-        """Number of full turns of the unknowns per turn of each coordinate that returns home. Shape (k, n_z)."""
+        """Number of full turns of the unknowns per turn of each coordinate in `loops`. Shape (k, n_z)."""
         turns = np.zeros((len(self.turns), len(self.anchors.angles)))
         for i, path in self.loops.items():
             turns[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles

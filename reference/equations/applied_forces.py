@@ -35,7 +35,7 @@ def wrenches_on_bodies(at: Dynamics) -> Array:
 
 
 def forces_along(at: Dynamics) -> Array:
-    """Return the forces of joint springs, motors, damping, friction and `Dynamics.given_forces`. Shape (..., n_q)."""
+    """Return forces of joint springs, motors, damping and friction, plus `Dynamics.given_forces`. Shape (..., n_q)."""
     along, coordinates = zeros(at.q, at.q.shape[-1]), at.mechanism.coordinates
     for spring in (one for one in at.applied.springs if isinstance(one, JointSpring)):
         c = coordinates.index(spring.coordinate)

@@ -62,7 +62,7 @@ def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
 
 
 def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
-    """Return True for U-P-U or U-P-S legs that slide from centre to centre, normal to the axes of the first U joint."""
+    """Return True for a U-P-U or U-P-S leg whose slide joins the centres, normal to both axes of the first U joint."""
     kinds = "".join(edge.joint.kind for edge in chain)
     if kinds not in ("UPU", "UPS") or any(edge.reverse for edge in chain):
         return False

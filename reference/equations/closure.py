@@ -95,12 +95,12 @@ class Closed:
         ]
 
     def rates_around(self, j: int, W: Array) -> tuple[list[int], Array]:
-        """Return the columns of cut joint j's loop, and the power of wrenches W per unit rate of each, (..., m, c)."""
+        """Return the columns of cut joint j's loop, and the power of wrenches W per unit rate of each. (..., m, c)."""
         columns, signs = self.loops.around[j]
         return [self.loops.place[c] for c in columns], powers(W, self.pose.S[..., columns, :]) * signs
 
     def reading(self, column: int) -> tuple[list[int], Array]:
-        """Return the tree columns that determine a coordinate's rate, and its rate per unit rate of each. (..., c)."""
+        """Return tree columns that determine a coordinate's rate, and its rate per unit rate of each, (..., 1, c)."""
         if column in self.loops.place:
             return [self.loops.place[column]], np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         j, i = self.loops.owner[column]

@@ -55,7 +55,7 @@ class CutJoint:
 
     @cached_property
     def S(self) -> Array:
-        """Unit screws of the cut joint; parent and child carry the first and the last axis. Shape (..., f, 6)."""
+        """Unit screws of the cut joint; the first is fixed in the parent, the last in the child. Shape (..., f, 6)."""
         at, turns = self.at, np.array([turns for turns, _ in self.at.joint.freedoms])
         if len(turns) > 2 or at.joint.slides > 1:
             return joint_screws(at.joint, at.R_parent, at.p_parent, self.values)[0]

@@ -84,7 +84,7 @@ class Dynamics(Motion):
         return forces_along(self)
 
     def along_tree(self, along: Array) -> Array:
-        """Convert forces along all coordinates to tree coordinates at equal power. Shape (..., n_q) -> (..., n)."""
+        """Project forces along all coordinates onto the tree, preserving power. Shape (..., n_q) -> (..., n)."""
         tau = along[..., self.loops.columns]
         for column in self.loops.owner:
             if not is_absent(along[..., column]):
@@ -275,7 +275,7 @@ class Dynamics(Motion):
         return self.reactions(self.actuator_force)
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
-        """Return the reactions to actuator forces; with `idle`, to these alone. Shape (..., n_act) -> (..., r)."""
+        """Return reactions to actuator forces; with `idle`, other forces are zero. Shape (..., n_act) -> (..., r)."""
         return self.constraint_forces(f, idle=idle)[0]
 
     def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, Array, Array]:

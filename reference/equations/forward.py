@@ -139,7 +139,7 @@ class Forward(Dynamics):
 
     @cached_property
     def momenta(self) -> list[tuple[Array, Array]]:
-        """Linear, angular and rotor velocities per unit rate of each y, and their momenta. Shape (..., k, n) each."""
+        """Linear, angular and rotor velocities per unit rate of each y_k, and their momenta. Shape (..., k, n) each."""
         mechanism, pairs = self.mechanism, zip(self.partial_motion, self._partial_momenta, strict=True)
         flat = [(_flat(velocity), _flat(momentum)) for velocity, momentum in pairs]
         if (turning := np.flatnonzero(mechanism.rotors)).size:
@@ -168,7 +168,10 @@ class Forward(Dynamics):
 
     @cached_property
     def inertia_gain(self) -> Any:
-        """Squared norm of the inverse of M at unit diagonal; if k = 1, total mass at full length over M. (...)."""
+        """Squared norm of the inverse of M scaled to unit diagonal. Shape (...).
+
+        If k = 1, inertia of the total mass at the mechanism's length, divided by M.
+        """
         if self.K.shape[-2] == 1:
             size = self.loops.sizes[self.loops.y_columns[0]]
             return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
@@ -195,7 +198,7 @@ class Forward(Dynamics):
 
     @property
     def input_power(self) -> Any:
-        """Power of motors, given forces, loads and dampers, which do not store energy [W]. Shape (...)."""
+        """Power of motors, loads, dampers, friction and given forces, which do not store energy [W]. Shape (...)."""
         total = 0.0 * self.yd[..., 0]
         for load in self.applied.loads:
             if load.body != GROUND:
@@ -234,7 +237,7 @@ def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
 def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
     """Return the wrenches that unit forces along joint coordinates exert on all bodies, eq. (8).
 
-    The force along one coordinate does not exert power on the joint's remaining coordinates.
+    The force along one coordinate has no power along the joint's remaining coordinates.
 
     Args:
         S: Unit screws of all joints. Shape (n, n_q, 6).

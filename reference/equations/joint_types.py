@@ -40,7 +40,7 @@ class JointPose:
     """Frames of a joint on its parent and on its child, in world axes. Shapes (..., 3, 3), (..., 3).
 
     Attributes:
-        world: World orientation of the axes in which the frames are expressed, unless these are world axes.
+        world: World orientation of the axes in which the frames are expressed; None for world axes.
     """
 
     joint: Joint
@@ -230,7 +230,7 @@ def components(joint: Joint) -> list[tuple[str, str]]:
 
 
 def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and units of all reaction components, e.g. ``leg1.base.fx`` and N; couplings come last."""
+    """Return names and units of reaction components, e.g. ``leg1.base.fx`` and N, in order of role; couplings last."""
     pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
     turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
     pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]
@@ -325,6 +325,6 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
 
 
 def _rotation(at: JointPose) -> tuple[Array, float]:
-    """Return the rotation of the child frame relative to the parent frame in the joint's `triad`, and that sign."""
+    """Return the rotation of the child frame relative to the parent frame in `triad` axes, and the sign of `triad`."""
     A, hand = triad(at.joint)
     return A @ (transpose(at.R_parent) @ at.R_child) @ A.T, hand

@@ -1,7 +1,7 @@
 """Conditioning: dimensionless amplification of rounding errors by the equations at a pose.
 
-A row that closes a loop changes with the coordinates in proportion to the length of the loop, not of the mechanism; the
-length of the mechanism only determines the rounding errors of body poses.
+A row that closes a loop changes with the coordinates in proportion to the length of the loop, not to that of the
+mechanism, which only determines the rounding errors of body poses.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def loop_lengths(lay: Layout) -> Array:
 
 
 def stretch(lay: Layout) -> float:
-    """Return the length of the mechanism divided by the length of its shortest loop; 1 without loops."""
+    """Return the length of the mechanism divided by the length of its shortest loop; 1 if there is no loop."""
     L = length(lay)
     return L / float(loop_lengths(lay).min(initial=np.inf if lay.cuts else L))
 
@@ -48,7 +48,7 @@ def loop_sizes(lay: Layout) -> Array:
 
 
 def gain(at: Closed, *, whole: bool = False) -> Any:
-    """Return the squared norm of the inverse of M for the worst loop, scaled with the length of each loop. Shape (...).
+    """Return the squared norm of the inverse of M for the worst loop, scaled by the length of each loop. Shape (...).
 
     Args:
         whole: Include coordinates at rest, which matter for constraint forces.

@@ -72,7 +72,7 @@ def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
 
 
 def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> tuple[list[Any], Any]:
-    """Emit the program and the storing of outputs; return the checks, and 0 (NaN if an output is not finite)."""
+    """Emit the program and store its outputs; return the checks, and 0 (NaN if an output is not finite)."""
     b, i64, zero = maths.b, maths.ir.IntType(64), maths.constant(0.0)
     lost, values_end = zero, len(program.outputs) - program.checks
 

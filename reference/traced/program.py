@@ -20,7 +20,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import OPERATIONS, Node, Scalar
 
 Operand = int | float
-"""Number of a value, counting inputs, then instructions; or a constant."""
+"""Number of a value (inputs come first, then instructions), or a constant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +221,7 @@ class Lanes:
         self.buffers = columns(chunk, self._plan(program), self.dtype).T
 
     def _plan(self, program: Program) -> int:
-        """Assign a free row to each value, preferring recently used rows because they are cached; count buffers."""
+        """Assign a free row to each value, preferring recently used (cached) rows; return the number of buffers."""
         last = {x: i for i, (_, args) in enumerate(program.code, program.inputs) for x in args if isinstance(x, int)}
         first = count = program.inputs + len(program.outputs)
         at, free, wanted = [*range(program.inputs)], list[int](), dict[int, list[int]]()

@@ -190,7 +190,7 @@ def dependent(loops: Loops) -> list[int]:
 
 
 def _close(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[float]) -> Coordinates:
-    """Return the coordinates after steps of Newton's method."""
+    """Return the coordinates after the steps of Newton's method."""
     q = loops.lay.mechanism.home.astype(object)
     for c, value in (*guess.items(), *zip(loops.y_columns, y, strict=True)):
         q[c] = value
@@ -319,7 +319,7 @@ def _correct(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Coor
 
 
 def _condition(at: Closed) -> Any:
-    """Return a squared estimate of the condition number of the closed loops."""
+    """Return an estimate of the squared condition number of the closed loops."""
     loops = at.loops
     if not at.cuts and not len(loops.couplings):
         return 1.0
