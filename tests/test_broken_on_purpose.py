@@ -120,7 +120,7 @@ def turn_motor_round(root) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("change", "said"), [(switch_off, "is disabled"), (turn_motor_round, "motor of gear 1")])
+@pytest.mark.parametrize(("change", "said"), [(switch_off, "is disabled"), (turn_motor_round, "motor with gear 1")])
 def test_a_constraint_or_a_motor_that_is_not_what_it_should_be_is_refused(scene, tmp_path, change, said):
     path = edited(scene, tmp_path, ".xml", change)
     with pytest.raises(screwgauge.ScrewgaugeError, match=said):

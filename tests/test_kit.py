@@ -137,7 +137,7 @@ def test_wrenches_summed_inwards_are_the_reactions_of_an_arm():
 def test_a_rule_that_a_mechanism_does_not_name_is_refused():
     scene = screwgauge.load_scene("slider-crank").at([0.1])
     problem = replace(scene.problem(["actuator_force"]), rule="spherical_axial")
-    with pytest.raises(kit.ModelFileError, match=r"has no \[spherical_axial\]"):
+    with pytest.raises(kit.ModelFileError, match=r"has no table \[spherical_axial\]"):
         FrozenModel(scene.mechanism, "").solve(problem)
 
 

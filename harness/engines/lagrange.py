@@ -1,4 +1,4 @@
-"""The engine `lagrange`: Lagrange's equations in all joint coordinates, an independent second formulation.
+"""The engine `lagrange` solves Lagrange's equations in all joint coordinates, a second, independent formulation.
 
 The equations are derived only from the positions of bodies, see `virtual_work`.
 """
@@ -22,9 +22,9 @@ MOST = 1_000_000
 REST = 1e-9
 
 Samples = tuple[kit.Array, kit.GivenMotion, kit.Applied]
-"""Joint coordinates of closed poses, shape (n, n_q), with motion and applied forces."""
+"""Joint coordinates of closed poses, shape (n, n_q), the given motion, and the applied forces."""
 Answers = dict[str, kit.Array]
-"""Quantity -> numbers at each sample."""
+"""Quantity -> values at each sample."""
 
 
 def load(files: kit.ModelFiles) -> Lagrange:
@@ -73,13 +73,13 @@ def times(A: kit.Array, x: kit.Array) -> kit.Array:
 
 
 class SolvedMotion:
-    """All quantities at samples that continue the previous samples.
+    """Quantities at some samples of a motion, computed when first requested.
 
     Attributes:
         q, v, a: All joint coordinates and their derivatives. Shape (n, n_q).
         back: Derivative of the coordinates with respect to the gaps. Shape (n, n_q, m).
         K: Derivative of the coordinates with respect to the independent coordinates. Shape (n, n_q, k).
-        conditions: Condition numbers of the force equations, once solved. Shape (n,).
+        conditions: Quantity -> condition number of the equations that were solved for it. Shape (n,).
     """
 
     def __init__(self, equations: Equations, branch: kit.Branch, samples: Samples, rule: str) -> None:
@@ -96,7 +96,7 @@ class SolvedMotion:
 
     @cached_property
     def ydd(self) -> kit.Array:
-        """Second derivatives of the independent coordinates; forces determine undriven accelerations. Shape (n, k)."""
+        """Second derivatives of the independent coordinates, which forces determine if undriven. Shape (n, k)."""
         ydd, idle = self.motion.ydd, [*self.motion.idle]
         if idle:
             given = ydd * ~np.isin(np.arange(ydd.shape[1]), idle)
@@ -113,12 +113,12 @@ class SolvedMotion:
         return self.equations.motion(self.n, q=self.q, v=self.v, a=self.a)
 
     def matrices(self, name: str) -> kit.Array:
-        """Return orientations of bodies or their time derivatives, ground included. Shape (n, n_body + 1, 3, 3)."""
+        """Return the bodies' orientations or their time derivatives, ground first. Shape (n, n_body + 1, 3, 3)."""
         ground = np.eye(3) * (name == "pose") + np.zeros((self.n, 1, 1, 1))
         return np.concatenate([ground, self.moved[name].reshape(self.n, -1, 12)[..., :9].reshape(self.n, -1, 3, 3)], 1)
 
     def spin(self, name: str) -> kit.Array:
-        """Return angular velocities or accelerations of bodies from orientation derivatives. Shape (n, 3 n_body)."""
+        """Convert derivatives of orientations to angular velocities or accelerations of bodies. Shape (n, 3 n_body)."""
         products = self.matrices(name)[:, 1:] @ self.matrices("pose")[:, 1:].swapaxes(2, 3)
         return np.stack(axial_vector(products), axis=-1).reshape(self.n, -1)
 
@@ -136,7 +136,7 @@ class SolvedMotion:
 
     @cached_property
     def along(self) -> kit.Array:
-        """Forces along joint coordinates other than actuator forces, minus rotor inertia. Shape (n, n_q)."""
+        """Forces along joint coordinates, including the inertial forces of rotors but no actuator forces. (n, n_q)."""
         out, at = np.zeros_like(self.q), self.mechanism.coordinates.index
         for spring, c in ((x, at(x.coordinate)) for x in self.applied.springs if isinstance(x, kit.JointSpring)):
             out[:, c] -= spring.pull(self.q[:, c], self.v[:, c])
@@ -185,7 +185,7 @@ class SolvedMotion:
         return times(np.asarray(np.linalg.pinv(A, rcond=1e-13), dtype=float), b)
 
     def driven(self, f: kit.Array) -> kit.Array:
-        """Scatter actuator forces into an array over all coordinates. Shape (..., n_act) -> (n, n_q)."""
+        """Extend actuator forces to all coordinates, with zeros elsewhere. Shape (..., n_act) -> (n, n_q)."""
         out = np.zeros_like(self.q)
         out[:, self.mechanism.actuated_columns] = f
         return out

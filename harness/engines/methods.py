@@ -1,4 +1,4 @@
-"""Integrators from scipy, retries of steps with unreliable accelerations, and detection of sticking friction."""
+"""SciPy's integrators, limits for retrying steps with unreliable accelerations, and detectors of stuck motions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from screwgauge.reference.rotations import Array
 
 #: DOP853 for smooth motion, the others for stiff springs and dampers.
 METHODS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "BDF": BDF}
-#: Largest number of retried steps: with more, the motion leads to such poses rather than past them.
+#: Largest number of retried steps; a motion that needs more ends at a pose with unreliable accelerations.
 MOST = 100
 #: Factors applied in turn to the size of a step that met such a pose.
 SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
@@ -33,9 +33,9 @@ ENDLESS = 1e6
 class Pace:
     """Detector of steps that stay short forever, as opposed to a fast phase of the motion.
 
-    Near some singular poses, accelerations vary with rounding or an engine's regularisation over distances much shorter
-    than the distances of any motion. The error is then within tolerance only for steps so short that integration makes
-    no progress.
+    Near some singular poses, rounding or an engine's regularisation makes accelerations vary over distances far shorter
+    than those that any motion covers. The error is then within tolerance only for steps so short that the integration
+    makes no progress.
     """
 
     def __init__(self, method: str, tolerance: float, end: float) -> None:
@@ -57,7 +57,7 @@ BESIDE, MOMENT = 1e3 * REST, 1e-6
 DEAD = 1e-6
 
 State = tuple[float, Array]
-"""Time, and coordinates, their rates and the work. Shape (2 n + 1,)."""
+"""Time, and an array of the coordinates, their rates and the work, of shape (2 n + 1,)."""
 
 
 def interpolate_linearly(before: State, after: State) -> Callable[[float], Array]:
@@ -78,8 +78,8 @@ class DryFriction:
         """Watch the coordinates with dry friction.
 
         Args:
-            rates: Reads rates of named coordinates from a state. Shape (m,).
-            slope: Derivative of a state at a time. Shape (2 n + 1,).
+            rates: Reads the rates of named coordinates, shape (m,), from a state.
+            slope: Returns the derivative of the state, shape (2 n + 1,), at a time and state.
         """
         self.names = [one.coordinate for one in resistances(joints, DRY)]
         self._rates, self._slope = rates, slope
@@ -108,7 +108,7 @@ class DryFriction:
         return ""
 
     def _row(self, state: Array, c: int) -> Array:
-        """Differentiate a coordinate's rate with respect to a state's rates; zero for other entries. (2 n + 1,)."""
+        """Return a coordinate's rate differentiated by the state's rates, and zero elsewhere. Shape (2 n + 1,)."""
         n, row = len(state) // 2, np.zeros_like(state)
         for i, unit in enumerate(np.eye(n), n):
             row[i] = self._rates(np.concatenate([state[:n], unit, state[-1:]]), self.names)[c]

@@ -16,13 +16,13 @@ from screwgauge.reference.rotations import Array, quaternion_rotation
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointStates:
-    """Samples of one joint's motion in terms of the reading.
+    """Samples of one joint's motion, as the reading defines it.
 
     Attributes:
         kind: An entry of `reading.FREEDOMS`.
-        frame: World pose of the frame that a ball or free joint carries, at the home pose. Shape (4, 4).
-        q: For a hinge or slide, the coordinate as defined in the file. For a ball or free joint, the pose of its frame
-            in the home frame: for a free joint the position, then the quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
+        frame: World pose, at the home pose, of the frame that a ball or free joint moves. Shape (4, 4).
+        q: The coordinate of a hinge or slide, as defined in the file. For a ball or free joint, the pose of `frame`
+            relative to its home pose: position (free joints only), then quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
         qd, qdd: See `reading.FREEDOMS`. Shape (n, n_freedom).
     """
 
@@ -56,8 +56,8 @@ class Answers:
     acceleration: Array
 
 
-#: Queries a library: file, requested bodies, joints in their order, whether the base of a URDF floats, and whether
-#: the file is used whole or without the forces that readings omit.
+#: Queries a library: file, requested bodies, joints in order, True if the base of a URDF floats, and True if the file
+#: is used as a whole, including the forces that readings omit.
 Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], Answers]
 
 
@@ -65,7 +65,7 @@ def frame_motion(states: JointStates, frame: Array) -> tuple[Array, Array]:
     """Convert the reading's motion to the motion of a frame of the library.
 
     Args:
-        frame: World pose of the frame of the library's joint, at the home pose. Shape (4, 4).
+        frame: World pose of the library's joint frame at the home pose. Shape (4, 4).
 
     Returns:
         Pose of the library's frame relative to its home pose, (n, 4, 4), and the map from velocities of the reading to

@@ -1,4 +1,4 @@
-"""The registry of engines, with an entry for each engine. Other packages add `Engine`s in the entry point group
+"""The registry of engines, with an entry for each engine. Other packages register an `Engine` in the entry point group
 ``screwgauge.engines``."""
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from screwgauge.truth import LACKS, MOST
 
 GROUP = "screwgauge.engines"
 TEXT = 1000  # largest number of characters in a string of an engine's description
-LONGEST = 300.0  # time limit [s] for importing its module: GPU libraries take a minute on a busy machine
+LONGEST = 300.0  # time limit [s] for importing an engine's module; GPU libraries take a minute on a busy machine
 CUTS = ("", "minimal", "full")
 _WORDS: dict[type[Task], str] = {
     GivenMotion: "solve given motions",
@@ -53,20 +53,20 @@ class Engine:
     Attributes:
         meaning: Description in a few words.
         source: ``module:function``, imported only when used; ``function(files, **settings) -> EngineModel``.
-            Settings are its keywords, or the fields of ``Settings`` in its module.
+            Settings are the function's keyword arguments, or the fields of ``Settings`` in its module.
         tasks: The kinds of task that it accepts.
         package: Distribution that must be installed.
         reads: File extension of its model file.
         cut: Generated model that it reads, ``minimal`` or ``full``; empty if it reads the description.
         lacks: Quantity that the engine cannot compute -> reason. The engine must compute all other quantities.
-        most: Largest number of samples solved, see `problem.spread`; 0 for all. In engines of other packages, missing
-            samples always count as missing.
+        most: Largest number of samples that it solves, see `problem.spread`; 0 for all. Ignored for engines of other
+            packages, which must solve all samples.
         refuses: Unsupported item -> reason. An item is a task, or an entry of `features.FEATURES` such as a kind of
-            joint; the engine gets no mechanism with such a feature.
+            joint; the engine is never given a mechanism with such a feature.
         extra: Extra of Screwgauge that installs its package; empty if `package` itself is to be installed.
-        apart: Whether each problem is solved in its own process, so that anything a library prints, changes or breaks
+        apart: True if each problem is solved in its own process, so that anything a library prints, changes or breaks
             affects only that problem's answer. Engines of other packages always run in separate processes.
-        precisions: Number types in which it can compute given motions, see `NUMBER_TYPES`. If a method name contains a
+        precisions: Number types in which it can solve given motions, see `NUMBER_TYPES`. If a method name requests a
             type other than float64, as in ``mjx@float32``, the function receives it as the setting `precision`.
         precision: The requested number type.
     """
@@ -125,7 +125,7 @@ class Engine:
         return {self.name if each == FLOAT64.name else f"{self.name}{AS}{each}": each for each in self.precisions}
 
     def in_precision(self, name: str, where: str = "") -> Engine:
-        """Return the engine with the number type of a name like ``mjx@float32``.
+        """Return the engine in the number type that a name such as ``mjx@float32`` requests.
 
         With a type other than float64, the engine accepts only given motions.
 
@@ -133,7 +133,7 @@ class Engine:
             DescriptionError: The engine does not compute in that type.
         """
         if name not in self.methods:
-            what = f"engine '{self.name}' computes in {' or '.join(self.precisions)}"
+            what = f"engine '{self.name}' only computes in {' or '.join(self.precisions)}"
             raise DescriptionError(what, where or name, f"use {' or '.join(map(repr, self.methods))}")
         if name == self.name:
             return self
@@ -162,7 +162,7 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
     source, package, reads = code
     if cut == "minimal":
         return Engine(name, meaning, source, _ALL, package, reads, cut)
-    why = "the minimal cut integrates the same mechanism, with fewer coordinates"
+    why = "the engine with the minimal cut simulates the same mechanism with fewer coordinates"
     return Engine(
         name, meaning, source, _ALL - {InitialValue}, package, reads, cut, refuses={InitialValue.__name__: why}
     )
@@ -180,7 +180,7 @@ def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) ->
 
 
 def _treeless(name: str, meaning: str, why: str, package: str, **more: Any) -> Engine:
-    """Build the entry of an engine for given motions without an open tree; `why` states the reason."""
+    """Build the entry of an engine that only solves given motions and has no open tree; `why` is the reason."""
     lacks = dict.fromkeys(("tree_force", "tree_force_soft"), why)
     refuses = {"InitialValue": _GIVEN_ONLY, "States": why}
     return Engine(name, meaning, f"{_HERE}.{name}:load", _GIVEN, package, lacks=lacks, refuses=refuses, **more)
@@ -246,7 +246,7 @@ ENGINES: dict[str, Engine] = {
 
 @lru_cache(maxsize=1)
 def further_entries() -> Mapping[str, EntryPoint]:
-    """Map names to the entry points of other packages' engines."""
+    """Return the entry points of other packages' engines by name."""
     return {entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in ENGINES}
 
 
@@ -256,12 +256,12 @@ def engine_names() -> tuple[str, ...]:
 
 
 def engines() -> dict[str, Engine]:
-    """Map names to all engines."""
+    """Return all engines by name."""
     return {name: _named(name) for name in engine_names()}
 
 
 def get_engine(name: str, where: str = "") -> Engine:
-    """Return an engine by name; ``mjx@float32`` also names a number type other than float64.
+    """Return an engine by name; a name such as ``mjx@float32`` also selects its number type.
 
     If the description of another package's engine is invalid, loading the engine raises an error with the reason.
 
@@ -280,7 +280,7 @@ def _named(name: str) -> Engine:
     return _load_description(further_entries()[name])
 
 
-#: Loads an engine where its module can do no harm, then prints its description.
+#: Loads an engine in a process where its module can do no harm, then prints its description.
 _DESCRIBE = """
 import json, os, sys
 sys.path[:], value, said = json.loads(sys.argv[1]), sys.argv[2], os.dup(1)
@@ -347,7 +347,7 @@ def _check_description(engine: object) -> Engine:
         *engine.refuses.values(),
     )
     if not all(isinstance(text, str) and len(text) <= TEXT for text in texts):
-        raise ValueError(f"texts must be strings of at most {TEXT} characters")
+        raise ValueError(f"names, reasons and other entries must be strings of at most {TEXT} characters")
     if engine.cut not in CUTS or not engine.tasks <= _ALL:
         raise ValueError("unknown cut or task")
     if not engine.precisions or not {*engine.precisions} <= {*NUMBER_TYPES}:

@@ -1,4 +1,4 @@
-"""Rounding error of any engine in a low-precision number type, estimated from eps, conditioning and operation count.
+"""Estimate the rounding errors of any engine in a low-precision number type from eps, conditioning and operation count.
 
 Each operation rounds by at most eps/2; with random signs, n operations accumulate about sqrt(n) times this error.
 Loops close only up to rounding; perturbing the poses by this amount shows the effect on other quantities, as in
@@ -23,7 +23,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Error
 
-#: Operations per joint coordinate: poses in each of two steps of Newton's method, rates, accelerations, balance.
+#: Operations per joint coordinate, for the poses in two steps of Newton's method, rates, accelerations and forces.
 #: No traced program of a built-in mechanism exceeds the total of `operations`.
 PER_COORDINATE = 450
 #: Number of samples at which idle coordinates are examined.
@@ -31,7 +31,7 @@ MOST = 64
 
 
 def operations(mechanism: Mechanism) -> float:
-    """Return the number of operations per sample for the forces: work at each joint, and solving the linear system."""
+    """Return the number of operations per sample that forces require, at all joints and for the linear system."""
     n = len(mechanism.coordinates)
     return PER_COORDINATE * n + n**3 / 3
 
@@ -53,10 +53,13 @@ def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) ->
 
 
 def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, float]]:
-    """Estimate rounding of accelerations that depend on idle coordinates, for any solver: quantity -> unit -> error.
+    """Estimate the rounding errors of accelerations that depend on idle coordinates, for any solver.
 
-    A freely spinning rod loads its bearings a thousand times more than its axis. Large terms cancel, and their rounding
-    errors are therefore large too, regardless of the rest of the motion.
+    A freely spinning rod loads its bearings a thousand times more than its axis. These large terms cancel, but leave
+    large rounding errors, regardless of the rest of the motion.
+
+    Returns:
+        Quantity -> unit -> absolute error.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -72,12 +75,12 @@ def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, f
     return {name: {unit: errors[name] * arm(unit, work.loops.length) for unit in units[name]} for name in units}
 
 
-#: Condition, shape (n,); unit -> error and largest term [unit], shape (n,) each.
+#: Condition number, shape (n,); unit -> error and largest term [unit], both of shape (n,).
 Sizes = tuple[Array, Mapping[str, tuple[Array, Array]]]
 
 
 def _part(work: Work, motion: GivenMotion, kind: NumberType) -> dict[str, Sizes]:
-    """Return quantity -> errors at some samples."""
+    """Return the errors of each quantity at some samples."""
     closed = work.close(motion, work.predict(motion))
     with np.errstate(all="ignore"):  # near a singular pose the error is unknown
         values, trust, A = work.evaluate(closed, motion)

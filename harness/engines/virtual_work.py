@@ -1,9 +1,9 @@
-"""Lagrange's equations in all joint coordinates, derived from body positions only: programs of the engine `lagrange`.
+"""Derive Lagrange's equations in all joint coordinates from body positions alone, as programs of the engine `lagrange`.
 
-Time derivatives are taken in forward mode. One reverse sweep of the virtual work of inertia, weight, loads and
+Time derivatives are taken in forward mode. One reverse sweep through the virtual work of inertia, weight, loads and
 multipliers yields the equations of the coordinates and of six virtual displacements at each joint of the tree. The
-latter equations give the wrench that the joint transmits. The derivation uses neither twists nor recursions, and no
-charts of joints that close loops.
+latter equations give the wrench that the joint transmits. The derivation uses no twists, no recursions, and no angle
+charts for the joints that close loops.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 import screwgauge.plugins as kit
 
 Pose = tuple[Any, Any]
-"""R and p of a frame in world axes, with numbers of a trace and floats as entries. Shapes (3, 3), (3,)."""
+"""R and p of a frame in world axes; their entries are numbers of a trace or floats. Shapes (3, 3), (3,)."""
 
 
 def outward_tree(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:
@@ -42,7 +42,7 @@ def skew(v: Any) -> Any:
 
 
 def axial_vector(M: Any) -> list[Any]:
-    """Return the axial vector of a matrix's skew part. (..., 3, 3) -> three numbers."""
+    """Return the axial vector of a matrix's skew-symmetric part. (..., 3, 3) -> three numbers."""
     return [0.5 * (M[..., i, j] - M[..., j, i]) for i, j in ((2, 1), (0, 2), (1, 0))]
 
 
@@ -61,9 +61,9 @@ class Equations:
             translation and a rotation of all bodies beyond it, about the joint's child-side point.
         gaps: Residual displacements and small rotations of joints that close loops, six per joint, followed by the
             residuals of couplings.
-        pose: R and p of each body without virtual displacements.
-        flat, second: R row by row and centre of mass of each body, and their second time derivatives.
-        rate: Time derivatives of values that depend on q, for constant rates of q.
+        pose: R and p of each body if virtual displacements are zero.
+        flat, second: R, row by row, and the centre of mass of each body; and their second time derivatives.
+        rate: Returns the time derivatives of values that depend on q.
     """
 
     def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied, trace: kit.Trace) -> None:
@@ -95,15 +95,15 @@ class Equations:
 
     @property
     def angular(self) -> list[bool]:
-        """Flags of the gaps that are angles."""
+        """True for each gap that is an angle."""
         coupled = [self.mechanism.units[column] == "rad" for column in self.mechanism.coupling_rows.columns]
         return [False, False, False, True, True, True] * len(self.cuts) + coupled
 
     @cached_property
     def motion(self) -> kit.Function:
-        """Function: q, v, a -> R and centre of mass of each body with two time derivatives, and the body's origin.
+        """Function: q, v, a -> R and centre of mass of each body, their first and second time derivatives, and origins.
 
-        It also returns lengths of springs with their rates, and second time derivatives of gaps at zero accelerations.
+        It also returns the springs' lengths and rates, and the gaps' second time derivatives at zero accelerations.
         """
         lengths = [self._length(spring, self.pose) for spring in self.springs]
         made = {"pose": self.flat, "rate": self.rate(self.flat), "second": self.second, "lengths": lengths}
@@ -112,7 +112,7 @@ class Equations:
 
     @cached_property
     def balance(self) -> kit.Function:
-        """Function: q, v, a, g, loads, pulls -> remaining forces along q that the motion requires. Shape (n, n_q)."""
+        """Function: q, v, a, g, loads, pulls -> forces along q that the motion still requires. Shape (n, n_q)."""
         return self._function("multipliers", "moved", needs=self._virtual_work[: len(self.q)])
 
     @cached_property
@@ -131,7 +131,7 @@ class Equations:
         return kit.adjoints(self._works(), self.q + self.inputs["moved"])
 
     def _works(self) -> Iterator[tuple[Any, Any]]:
-        """Yield coordinates with forces along them: inertia minus weight, loads, spring tensions and multipliers."""
+        """Yield positions and the forces along them: inertia minus weight, loads, spring tensions and multipliers."""
         inputs = {name: np.array(some, dtype=object) for name, some in self.inputs.items()}
         pose = self._poses(self.inputs["moved"])
         changes = np.array(self.second, dtype=object).reshape(-1, 12)

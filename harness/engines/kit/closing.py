@@ -190,7 +190,7 @@ def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:
 
 
 class Closing:
-    """Closes an engine's loops by Newton's method along a motion that starts in the home assembly mode.
+    """Solver that closes an engine's loops by Newton's method along a motion that starts in the home assembly mode.
 
     The gaps may include redundant constraints.
     """

@@ -96,7 +96,7 @@ def solve_constrained(
 
 
 class _PartSolver:
-    """Solves a problem part by part, computing only the requested quantities."""
+    """Solver that computes the requested quantities of a problem part by part."""
 
     def __init__(self, engine: Constrained, problem: Problem, clock: Clock) -> None:
         self.engine, self.problem, self.clock = engine, problem, clock

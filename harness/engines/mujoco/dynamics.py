@@ -1,6 +1,6 @@
-"""MuJoCo's dynamics of a closed tree: accelerations at best accuracy, and its own stepper.
+"""MuJoCo's dynamics of a closed tree: accelerations as accurate as possible, and MuJoCo's own stepper.
 
-`MujocoMover` refines the accelerations of `mj_forward`, one state after the other. `MujocoStepper` calls `mj_step`, or
+`MujocoMover` refines the accelerations of `mj_forward`, state by state. `MujocoStepper` calls `mj_step`, or
 steps from refined accelerations. Springs become elements of the MuJoCo model, so that its implicit integrators include
 them: a spring along a tree joint becomes the joint's stiffness and damping, and a spring between points becomes a
 spatial tendon between two sites. Constant motors, and constant loads at centres of mass in world axes, are set once.
@@ -96,10 +96,10 @@ class MujocoMover:
         # written so that NaN is refused
         if not change <= UNSAFE * max(size, 1.0) < np.inf:
             raise SingularPoseError(
-                f"MuJoCo's accelerations are unreliable (largest {size:.3g}, changed by {change:.3g} in "
-                f"refinement {made})",
+                f"MuJoCo's accelerations are unreliable: the largest is {size:.3g}, and refinement {made} still "
+                f"changed one of them by {change:.3g}",
                 f"{self.tree.engine}, q = {np.array2string(data.qpos[:8], precision=4)}",
-                "step over the pose, or check masses and loops of the MJCF",
+                "step over the pose, or check the masses and loops of the MJCF",
             )
         return a
 
@@ -111,19 +111,19 @@ class MujocoMover:
 
 @dataclass(frozen=True, slots=True)
 class MujocoSettings:
-    """Settings of accelerations and steps; None keeps the value of the file or MuJoCo's default.
+    """Settings for accelerations and steps; None keeps the file's value or MuJoCo's default.
 
-    Scipy's methods ignore these settings: they integrate refined accelerations with constraints as hard as possible.
+    SciPy's methods ignore these settings; they integrate refined accelerations with constraints as hard as possible.
 
     Attributes:
         solimp: Impedance d of the equality constraints, independent of the closure residual; at most 0.9999.
         solref: Time constant [s] of the constraint springs, optionally with the damping ratio.
         passes: Number of proximal refinements for given states; in a step, the upper limit.
-        naive: Use the forces of `mj_inverse` along actuated joints, with equality constraints on, as actuator forces.
-        weld: Close loops with welds of the frames of cut joints, aligned at each given state.
+        naive: Take actuator forces from `mj_inverse` with equality constraints enabled.
+        weld: Close each loop by welding the two frames of its cut joint, which are first aligned at each given state.
         examine: Examine the conditioning of given states.
-        integrator, dt: An entry of `INTEGRATORS` with its step [s]; None for scipy's methods.
-        work: Examine every step to compute the input work, which takes longer than the steps.
+        integrator, dt: An entry of `INTEGRATORS` and its step [s]; `dt` is None for SciPy's methods.
+        work: Examine every step to compute the input work, which takes longer than the steps themselves.
     """
 
     solimp: float | None = None
@@ -140,12 +140,12 @@ class MujocoSettings:
         where = "stepper of mujoco"
         check_choice("integrator", [self.integrator], INTEGRATORS, where)
         if self.dt is not None and not 0.0 < self.dt < np.inf:
-            raise DescriptionError(f"step {self.dt:g} s", where, "use a positive number")
+            raise DescriptionError(f"the step is {self.dt:g} s", where, "use a positive number")
         if self.solimp is not None and not 0.0 < self.solimp <= STIFFEST:
-            raise DescriptionError(f"solimp {self.solimp:g}", where, "use a number up to 0.9999")
+            raise DescriptionError(f"solimp is {self.solimp:g}", where, "use a positive number up to 0.9999")
         if self.dt is not None and self.passes and self.integrator not in REFINABLE:
             raise DescriptionError(
-                f"{self.integrator} solves for accelerations inside its step",
+                f"{self.integrator} cannot step from refined accelerations",
                 where,
                 f"use {', '.join(REFINABLE)}, or remove passes",
             )
@@ -159,7 +159,7 @@ class MujocoSettings:
             model.eq_solref[:, : np.size(self.solref)] = self.solref
 
     def set_steps(self, model: mujoco.MjModel) -> None:
-        """Apply the settings of constraints and integrator for steps.
+        """Apply the settings of the constraints and the integrator to a model that takes steps.
 
         Raises:
             UnknownNameError: This version of MuJoCo lacks the integrator.
@@ -194,10 +194,10 @@ class MujocoSettings:
 def sprung_model(
     mjcf: Path, applied: Applied, resist: Sequence[Resistance], tree: MujocoTree
 ) -> tuple[mujoco.MjModel, Applied, list[Resistance]]:
-    """Move springs and dampers into a model as exactly equivalent elements, which implicit integrators include.
+    """Represent springs and dampers by exactly equivalent elements of the model, which implicit integrators include.
 
     Returns:
-        The model, and the forces and resistances left to apply in every step.
+        The model, and the forces and resistances that remain to be applied in every step.
     """
     spec = editable(mjcf, tree.fixed)
     tendons = {f"spring {i}": s for i, s in enumerate(applied.springs) if isinstance(s, PointSpring)}
@@ -231,7 +231,7 @@ def _off_centre(load: Load) -> bool:
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
-    """Assign a spring to its joint; return False if the joint is cut or already has a spring."""
+    """Add a spring to its joint in the model; return False if the joint is cut or already has a spring."""
     if spring.coordinate not in tree.coordinates:
         return False
     j = tree.coordinates.index(spring.coordinate)

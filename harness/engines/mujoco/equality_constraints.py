@@ -1,8 +1,8 @@
-"""Corrections of MuJoCo's equality constraints: hardening, removal of softness, and completion of joint equalities.
+"""Correct MuJoCo's equality constraints: harden them, remove their softness, and complete joint equalities.
 
 Proximal refinement removes softness. The second derivative of a coupling ``q_i - p(q_j)`` is completed by the term
-``-p'' v_j^2``. MuJoCo has included the corresponding term of connects and welds since 3.7, but even 4.0.0 linearises
-joint equalities.
+``-p'' v_j^2``. MuJoCo has included the corresponding term of connects and welds since 3.7, but still linearises joint
+equalities in 4.0.0.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _KIND = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 
 def select_curved(couplings: Sequence[Coupling]) -> list[Coupling]:
-    """Select couplings with nonzero second derivative."""
+    """Select the couplings that are not linear."""
     return [one for one in couplings if not one.function.linear]
 
 
@@ -45,7 +45,7 @@ def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_step
     """Return a note on couplings that MuJoCo linearises, if the solution depends on their curvature.
 
     Args:
-        own_steps: Whether simulations use MuJoCo's own stepper, without corrections.
+        own_steps: True if simulations use MuJoCo's own stepper, which makes no corrections.
     """
     names, task = ", ".join(one.name for one in select_curved(couplings)), problem.task
     raw = isinstance(task, States) and task.tau is not None
@@ -57,10 +57,10 @@ def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_step
 
 #: Largest impedance d that MuJoCo accepts: every pass divides the error by about d / (1 - d) = 1e4.
 STIFFEST = 0.9999
-#: Factor by which rows are harder than at the largest impedance. Their regularisation is (1 - d) / d times the mean
-#: inverse mass of the bodies (body_invweight0), which is divided by this factor. Near singular poses the passes
-#: converge slowly: with 20 passes, simulations of A02 stop there for a factor of 1 (N = 2) or 10 (N = 40); with a
-#: factor of 1000, at most 8 passes are needed.
+#: Factor by which constraint rows are made harder than the largest impedance allows. Their regularisation is
+#: (1 - d) / d times the mean inverse mass of the bodies (body_invweight0), which is divided by this factor. Near
+#: singular poses the passes converge slowly: with 20 passes, simulations of A02 stop there for a factor of 1 (N = 2)
+#: or 10 (N = 40); with a factor of 1000, at most 8 passes are needed.
 HARDER = 1000.0
 #: Change, relative to the largest acceleration, below which passes end; and largest number of passes.
 SAME, PASSES = 1e-13, 20
@@ -90,14 +90,14 @@ def harden(model: mujoco.MjModel) -> None:
 def refine(
     model: mujoco.MjModel, data: mujoco.MjData, a: Array, passes: int, *, same: float = SAME, total: Array | None = None
 ) -> tuple[int, float]:
-    """Refine with proximal steps: apply the last constraint force externally and solve for accelerations again.
+    """Refine accelerations by proximal steps: apply the last constraint force externally and solve again.
 
     Args:
         a: Accelerations, refined in place. Shape (n_v,).
         passes: Largest number of passes.
-        same: The passes end once the change is below this fraction of the largest acceleration; with 0, all `passes`
+        same: The passes end once the change is below this fraction of the largest acceleration; if 0, all `passes`
             are made.
-        total: Constraint forces, to which the constraint forces of the passes are added. Shape (n_row,).
+        total: Constraint forces, to which the force of each pass is added. Shape (n_row,).
 
     Returns:
         The number of passes, and the largest change in the last pass.

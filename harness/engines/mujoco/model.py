@@ -1,4 +1,4 @@
-"""The engines `mujoco` and `mujoco-full`: MuJoCo on an MJCF with equality constraints."""
+"""The engines `mujoco` and `mujoco-full` run MuJoCo on an MJCF whose equality constraints close the loops."""
 
 from __future__ import annotations
 

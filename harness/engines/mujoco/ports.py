@@ -1,7 +1,7 @@
-"""The engines `mjx` and `mjwarp`: MuJoCo's array ports MJX (in JAX) and MuJoCo Warp on the MJCF of the minimal cut.
+"""The engines `mjx` and `mjwarp` run MuJoCo's ports MJX (in JAX) and MuJoCo Warp on the MJCF of the minimal cut.
 
-The engine ``mujoco``'s code reads the file. The port computes all values for `BLOCK` samples at a time, so that code is
-compiled only once. Equality constraints are omitted, because the ports support only soft constraints.
+The file is read by the code of the engine ``mujoco``. A port computes all values for `BLOCK` samples at a time, so that
+it is compiled only once. Equality constraints are omitted because the ports support only soft constraints.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class PortTree(MujocoTree):
         self.roots = self.model.body_rootid[[0, *self.ids]]
 
     def _of(self, function: Callable[..., Sequence[Any]], *arrays: Any) -> list[Any]:
-        """Evaluate all samples in blocks; the last block is padded. Shape (n, ...) each."""
+        """Evaluate all samples in blocks, padding the last block; return arrays of shape (n, ...)."""
         n, found = len(arrays[0]), list[list[Any]]()
         for first in range(0, n, BLOCK):
             rows = np.minimum(np.arange(first, first + BLOCK), n - 1)
@@ -121,7 +121,7 @@ class PortTree(MujocoTree):
         return [np.concatenate(parts)[:n] for parts in zip(*found, strict=True)]
 
     def motion(self, q: Any, v: Any, a: Any, push: Any = None, gravity: Any = None) -> Iterator[Any]:
-        """Yield the results named in `MOTION`. Shape (n, ...) each."""
+        """Yield the results named in `MOTION`, each of shape (n, ...)."""
         push = np.zeros((len(q), self.model.nbody, 6)) if push is None else push
         g = np.array(self.model.opt.gravity if gravity is None else gravity)
         return iter(self._of(lambda *state: self._motion(g, *state), q, v, a, push))

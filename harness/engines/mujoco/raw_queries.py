@@ -1,4 +1,4 @@
-"""Query MuJoCo directly about any model at given states, without constraints and contacts."""
+"""Query MuJoCo directly about any model at given states, with constraints and contacts disabled."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COVERS = frozenset({"armature", "damping", "stiffness", "medium"})
 def ask(
     path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
 ) -> Answers:
-    """Query MuJoCo, see `raw_queries.Ask`. `mj_inverse` includes passive forces; dry friction, a constraint, is off."""
+    """Query MuJoCo, see `raw_queries.Ask`. `mj_inverse` includes passive forces, but no dry friction (a constraint)."""
     with collect_phrases():
         model, data, states = _load(path, joints, floating, ("CONSTRAINT",), whole=whole)
         numbers = [model.body(name).id for name in bodies]
@@ -38,7 +38,7 @@ def ask(
 
 
 def closing_rows(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> tuple[Array, Array]:
-    """Return the equality rows in the reading's velocities, with all other constraints disabled.
+    """Return the equality constraints' rows with respect to the reading's velocities; other constraints are disabled.
 
     Returns:
         Rows J, shape (n, m, n_freedom), and ``Jdot v``, shape (n, m), which is valid if the velocities keep the loops
@@ -55,7 +55,7 @@ def closing_rows(path: Path, joints: Mapping[str, JointStates], floating: bool =
 def _load(
     path: Path, joints: Mapping[str, JointStates], floating: bool, off: Iterable[str], *, whole: bool = False
 ) -> tuple[Any, Any, Iterator[tuple[Array, ...]]]:
-    """Load model and data with the constraints in `off` disabled, and iterate over states, see `_state`."""
+    """Load a model with the constraints in `off` disabled; return it, its data, and an iterator over its states."""
     model = load_mujoco(prepare(path, floating=floating))
     for name in off:
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
@@ -148,5 +148,5 @@ def _inverse(model: Any, data: Any, state: tuple[Array, Array, Array]) -> Array:
 
 
 def _passive(data: Any) -> Array:
-    """Return the forces of springs, dampers and the medium, without gravity compensation."""
+    """Return the forces that overcome springs, dampers and the medium, excluding gravity compensation."""
     return np.asarray(data.qfrc_gravcomp - data.qfrc_passive)

@@ -1,4 +1,4 @@
-"""The open tree of an MJCF, computed by MuJoCo (see `engines.tree.protocol`).
+"""MuJoCo's evaluation of the open tree of an MJCF (see `engines.tree.protocol`).
 
 MuJoCo's names, orders and frames stay in this folder. Spatial quantities are [angular; linear]; accelerations
 contain minus gravity; forces between bodies (cfrc_int) are taken about the centre of mass of the whole tree."""
@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array, cross, times
 
 
 class DataBlock:
-    """Copies of arrays that lie in one buffer, including any memory between them.
+    """View of arrays that share one buffer as a single block, including any memory between them.
 
     Attributes:
         block: Memory from the first array to the end of the last. Shape (size,).
@@ -46,12 +46,12 @@ class DataBlock:
         return np.empty((n, len(self.block)))
 
     def parts(self, rows: Array) -> Iterator[Array]:
-        """Yield views of the arrays in packed samples. Shape (n, ...) each."""
+        """Yield a view of each array, of shape (n, ...), in packed samples."""
         for at, shape in self.spans:
             yield rows[:, at : at + math.prod(shape)].reshape(len(rows), *shape)
 
     def filled(self, *values: Array) -> Array:
-        """Pack samples of the given arrays. Shape (n, ...) each -> (n, size)."""
+        """Pack samples of the given arrays, each of shape (n, ...). Shape (n, size)."""
         rows = self.rows(len(values[0]))
         rows[:] = self.block
         for part, value in zip(self.parts(rows), values, strict=True):
@@ -140,7 +140,7 @@ class MujocoTree(OpenTree):
             on = self.model.actuator_trnid[k, 0] if self.model.actuator_trntype[k] == joint else -1
             if on < 0 or self.model.joint(on).name not in wanted or not plain:
                 raise ModelFileError(
-                    f"actuator {k} is not a motor of gear 1 on one of {', '.join(sorted(wanted))}",
+                    f"actuator {k} is not a motor with gear 1 on one of the joints {', '.join(sorted(wanted))}",
                     f"MJCF of {file.mechanism}",
                     "correct the actuator, or remove all actuators",
                 )
@@ -157,7 +157,7 @@ class MujocoTree(OpenTree):
                 continue
             where = f"MJCF of {file.mechanism}, equality constraint {e}"
             if self.model.eq_type[e] not in _CLOSING:
-                what = "removes freedoms, but is of an unsupported kind or not between bodies, joints or fixed tendons"
+                what = "its type is not supported, or it does not connect bodies, joints or fixed tendons"
                 raise ModelFileError(what, where, 'use connect, weld or a joint equality, or set active="false"')
             if self.model.eq_objtype[e] != _SITE:
                 raise ModelFileError("does not join two sites", where, "use site1, site2")
@@ -205,7 +205,7 @@ class MujocoTree(OpenTree):
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
         """Run `mj_inverse` on each sample and yield its index; equality constraints are disabled unless `soft`.
 
-        With `soft`, the curvature of couplings, which MuJoCo omits, is added.
+        If `soft`, the curvature of couplings, which MuJoCo omits, is added.
         """
         model, data, flags = self.model, self.data, self.model.opt.disableflags
         model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED

@@ -1,4 +1,4 @@
-"""The engines `pinocchio` and `pinocchio-full`: Pinocchio on a URDF and its loops file."""
+"""The engines `pinocchio` and `pinocchio-full` run Pinocchio on a URDF with its loops file."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from screwgauge.reference.errors import DescriptionError, SingularPoseError, che
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Stopwatch
 
-#: Proximal regularisation mu [1/kg, like the inverse mass to which it is added], and iterations.
-#: Measurements on states of A02 (2 and 40), A03, A04, compared with the null space of the rows: 5 iterations leave
+#: Proximal regularisation mu [1/kg, like the inverse mass to which it is added], and number of iterations.
+#: On states of A02 (2 and 40), A03 and A04, compared with solutions in the null space of the rows, 5 iterations leave
 #: errors of 3e-14 of the largest acceleration for any mu from 1e-6 to 1e-12, 2 iterations leave 4e-7 for mu = 1e-6, and
-#: mu = 1e-14 yields NaN (A03). Close to a singular pose, a larger mu converges more slowly, and a smaller mu amplifies
+#: mu = 1e-14 yields NaN (A03). Close to a singular pose, a larger mu slows the convergence, and a smaller mu amplifies
 #: rounding to noise that shortens the steps. In tests with nine tolerances on A02, mu = 1e-6 had the smallest errors,
 #: and no integration stopped early.
 MU, ITERATIONS = 1e-6, 10
-#: Closing error, as a fraction of the largest acceleration, above which `MORE` iterations are made, as happens near a
-#: singular pose.
+#: Closing error, as a fraction of the largest acceleration, above which `MORE` iterations are made, which happens near
+#: singular poses.
 ENOUGH, MORE = 1e-10, 200
 #: Allowed error of closing accelerations as a fraction of the largest acceleration.
 UNSAFE = 1e-6
@@ -43,7 +43,7 @@ class PinocchioMover:
     def __init__(self, tree: PinocchioTree) -> None:
         self.tree, self.model = tree, tree.model
         self.kinematics, self.constraints = self.model.createData(), Constraints(tree)
-        # zero accuracies force all iterations; Pinocchio's absolute residual includes Jdot v
+        # with zero accuracies, all iterations are made; Pinocchio's absolute residual includes Jdot v
         self.settings = pin.ProximalSettings(0.0, 0.0, MU, ITERATIONS)
         self.more = pin.ProximalSettings(0.0, 0.0, MU, MORE)
         setting = f"constraintDynamics, mu {MU:g}, {ITERATIONS} iterations" if len(self.constraints) else "aba"
@@ -87,17 +87,17 @@ class PinocchioMover:
         # written so that NaN is refused
         if not left <= UNSAFE * size < np.inf:
             raise SingularPoseError(
-                f"Pinocchio's accelerations are unreliable (largest {size:.3g}, closing error {left:.3g} after "
-                f"{MORE} proximal iterations)",
+                f"Pinocchio's accelerations are unreliable: the largest is {size:.3g}, and their closing error is "
+                f"{left:.3g} after {MORE} proximal iterations",
                 f"{self.tree.engine}, q = {np.array2string(self.q[:8], precision=4)}",
-                "step over the pose, or check masses and loops of the URDF",
+                "step over the pose, or check the masses and loops of the URDF",
             )
         return a
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
-        """Return accelerations, the largest residual of loops or couplings, and the largest acceleration, at least 1.
+        """Return accelerations, the largest residual of loops or couplings, and the largest acceleration (at least 1).
 
-        The residual of loops is mu times the last change of the multipliers.
+        The residual of the loops is mu times the last change in the multipliers.
         """
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
         left = settings.mu * settings.relative_residual if len(self.constraints) else 0.0
@@ -108,12 +108,12 @@ class PinocchioMover:
 
 @dataclass(frozen=True, slots=True)
 class PinocchioSettings:
-    """Settings of accelerations.
+    """Settings for accelerations and steps.
 
     Attributes:
         mu, iterations: Parameters of `constraintDynamics` for given states; None for Pinocchio's defaults.
         gains: Baumgarte gains of position and velocity for given states.
-        frames: Close loops with 6D contacts of whole frames for given states.
+        frames: Close each loop with a 6D contact between its two frames for given states.
         examine: Examine the conditioning of given states, and the error that Pinocchio reports.
         integrator, dt: One of `INTEGRATORS` with its step [s]; the state is projected onto the loops after every step.
             `dt` is None for scipy's methods.
@@ -130,10 +130,10 @@ class PinocchioSettings:
     def __post_init__(self) -> None:
         check_choice("integrator", [self.integrator], INTEGRATORS, "stepper of pinocchio")
         if self.dt is not None and not 0.0 < self.dt < np.inf:
-            raise DescriptionError(f"step {self.dt:g} s", "stepper of pinocchio", "use a positive number")
+            raise DescriptionError(f"the step is {self.dt:g} s", "stepper of pinocchio", "use a positive number")
 
     def proximal(self) -> Any:
-        """Return the settings as Pinocchio's settings object; zero accuracies force all iterations."""
+        """Convert to Pinocchio's settings; with zero accuracies, Pinocchio makes all iterations."""
         if self.mu is None or self.iterations is None:
             return pin.ProximalSettings()
         return pin.ProximalSettings(0.0, 0.0, self.mu, self.iterations)

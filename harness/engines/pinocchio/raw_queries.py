@@ -36,8 +36,8 @@ def ask(
 def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
     """Return the velocity map at each sample, and the accelerations due to its rate. Shapes (n, n_v, m), (n, n_v).
 
-    Pinocchio expresses the linear velocity of a planar joint in the axes of the body that the joint carries. The
-    reading's parts of this joint, two slides and then a hinge, use the axes of the preceding body.
+    Pinocchio expresses the linear velocity of a planar joint in the axes of the outer body. The reading splits this
+    joint into two slides and then a hinge, which use the axes of the inner body.
     """
     maps, turning = np.tile(B, (len(q), 1, 1)), np.zeros((len(q), model.nv))
     for joint in model.joints:

@@ -1,4 +1,4 @@
-"""The open tree of a URDF, computed by Pinocchio (see `engines.tree.protocol`), with closures as constraints.
+"""Pinocchio's evaluation of the open tree of a URDF (see `engines.tree.protocol`), with closures as constraints.
 
 Pinocchio's names, orders and frames stay in this folder. A joint's spatial quantities are [linear; angular] in
 the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of a frame's origin in world axes.
@@ -58,7 +58,7 @@ class PinocchioTree(OpenTree):
         self.model = _load(urdf, file.joints)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has continuous joints", str(urdf), "use revolute joints with wide limits")
-        self.gravity = self.model.gravity.linear.copy()  # default gravity: a URDF has none
+        self.gravity = self.model.gravity.linear.copy()  # the default, because a URDF has no gravity
         self.data = self.model.createData()
         self.engine = "pinocchio" if file.cut == "minimal" else f"pinocchio-{file.cut}"
         self.version = pin.__version__
@@ -160,7 +160,7 @@ class PinocchioTree(OpenTree):
 
 
 class _Views:
-    """Array views of the memory in `data` that Pinocchio's functions overwrite; copy each sample at once.
+    """Array views of the memory in `data`; copy each sample, because Pinocchio's functions overwrite it.
 
     Attributes:
         joints: Rotation column by column, then translation, of each joint. Shape (n_joint, 12).
@@ -180,7 +180,7 @@ class _Views:
 
 
 def _rows(parts: list[Array], size: int) -> Array:
-    """View the items of a C++ vector as rows of `size` numbers; `parts` are the first arrays in these items."""
+    """View the items of a C++ vector as rows of `size` numbers; `parts` holds the first array of each item."""
     begin = np.array([part.__array_interface__["data"][0] for part in parts])
     step = int(begin[-1] - begin[0]) // max(1, len(parts) - 1)
     if (np.diff(begin) != step).any() or 0 < step < 8 * size:
@@ -218,7 +218,7 @@ class Constraints:
         return len(self.models)
 
     def accelerate(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
-        """Return accelerations of the tree, using `aba` if there are no closures. Shape (n_v,) each.
+        """Return the accelerations of the tree, shape (n_v,), using `aba` if there are no closures.
 
         Accelerations are linear in the forces. The responses to unit forces along the couplings therefore determine the
         forces that enforce the couplings; a second pass removes the rounding residual.
@@ -237,14 +237,14 @@ class Constraints:
         return a
 
     def _check_inertia(self, q: Array) -> None:
-        """Reject a joint that moves no inertia in the open tree, which makes the mass matrix singular.
+        """Reject a joint that moves no inertia in the open tree and thus makes the mass matrix singular.
 
         Raises:
             SingularPoseError: A joint moves no inertia.
         """
         M = self.tree.mass_matrix(q[None])[0]
         nothing = WEIGHTLESS * M.diagonal().max()
-        for k in reversed(range(len(M))):  # joints beyond it are eliminated: their bodies need not move with it
+        for k in reversed(range(len(M))):  # outer joints are eliminated first, as their bodies need not move along
             if M[k, k] <= nothing:
                 joint, body = self.tree.coordinates[k], self.tree.bodies[int(self.tree.moves[1:, k].argmax())]
                 what = f"body '{body}' and the bodies beyond it have no inertia about joint '{joint}'"
@@ -255,20 +255,20 @@ class Constraints:
             M -= np.outer(M[:, k], M[k]) / M[k, k]
 
     def coupling_residual(self, q: Array, v: Array, a: Array) -> Array:
-        """Return the residual of the couplings' second derivatives. Shape (n_v,) each -> (n_coupling,)."""
+        """Return the residual of the couplings' second derivatives. Shape (n_coupling,)."""
         (stiffness, damping), rows = self.gains, self.couplings
         C, bias, gap = (of[0] for of in (rows.matrix(q[None]), rows.bias(q[None], v[None]), rows.residuals(q[None])))
         return np.asarray(C @ (a + damping * v) + bias + stiffness * gap)
 
     def _accelerate_closed(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
-        """Return accelerations of the closed tree, without couplings."""
+        """Return the accelerations of the closed tree, ignoring couplings."""
         if not len(self.models):
             return np.asarray(pin.aba(self.model, self.data, q, v, tau))
         return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))
 
     def jacobian(self, data: Any, q: Array) -> Array:
-        """Return the gaps' derivative at the pose of `data`: rows of closures (second minus first side), then
-        couplings.
+        """Return the derivatives of the gaps at the pose of `data`: first the closures' rows (second minus first side),
+        then the couplings' rows.
 
         Updates `datas` to this pose.
         """
@@ -281,7 +281,7 @@ class Constraints:
 
 
 def initialise(model: Any, data: Any, models: Any, datas: Any) -> None:
-    """Call `initConstraintDynamics`, which also takes the constraints' data since Pinocchio 4."""
+    """Call `initConstraintDynamics`, which since Pinocchio 4 also requires the constraints' data."""
     pin.initConstraintDynamics(model, data, models, *([datas] if PIN_4 else []))
 
 
@@ -304,7 +304,7 @@ def _contacts(tree: PinocchioTree, frames: bool) -> Any:
 
 
 def _place(tree: PinocchioTree, body: str, at: Any) -> tuple[int, Any]:
-    """Return the joint that carries a body, and convert a placement in the body to that joint's frame."""
+    """Return the joint that carries a body, and convert a placement from the body's frame to that joint's frame."""
     if body == GROUND:
         return 0, at
     frame = tree.model.frames[tree.frames[tree.bodies.index(body)]]
