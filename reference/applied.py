@@ -153,7 +153,7 @@ class PointSpring:
 
     @property
     def ends(self) -> tuple[tuple[str, Array], tuple[str, Array]]:
-        """Body, and point in the body frame, of each end."""
+        """The body at each end, and the end point in the body frame."""
         return (self.first, self.first_point), (self.second, self.second_point)
 
     def no_direction(self, when: str = "") -> SingularPoseError:

@@ -125,7 +125,7 @@ class PolynomialSum:
         return first, second
 
     def filled(self, coefficients: Array) -> PolynomialSum:
-        """Replace the coefficients; given are the constant, then equally many powers of each coordinate."""
+        """Replace the coefficients: `coefficients` has the constant, then equally many powers of each coordinate."""
         powers = np.split(coefficients[1:], len(self.terms)) if self.terms else []
         return PolynomialSum(float(coefficients[0]), dict(zip(self.terms, powers, strict=True)))
 

@@ -93,7 +93,7 @@ class Samples:
         known, rows = same_times(asked, self.t)
         if len(known) < len(asked):
             missing = asked[np.setdiff1d(np.arange(len(asked)), known)[0]]
-            what, remedy = f"has no sample at t = {missing:g} s", "use times of its samples, which are not interpolated"
+            what, remedy = f"has no sample at t = {missing:g} s", "use times in the file: samples are not interpolated"
             raise DescriptionError(what, self.file, remedy)
         return self.values[rows].reshape(np.shape(t))
 

@@ -331,7 +331,7 @@ class _Integration:
         return np.zeros((m, m)), np.zeros((m, m))  # near a pose where the loops open
 
     def _reason_to_end(self, limit: float = IMPASSABLE) -> str:
-        """Return the reason why the motion ends (an impassable pose, or divergence); empty if it may continue."""
+        """Return the reason why the motion ends (an impassable pose, or divergence), or an empty string."""
         at = self.start
         if at.condition[0] > limit:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"

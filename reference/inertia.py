@@ -13,7 +13,7 @@ from screwgauge.reference.mechanism import SLACK, Body, Joint, triangle_excess
 from screwgauge.reference.planar import normals_of_planes
 from screwgauge.reference.rotations import Array
 
-#: Property of a body by which entries of `allow` accept its tensor: ``wrist.triangle``.
+#: Property that entries of `allow` name to accept a body's tensor, e.g. ``wrist.triangle``.
 TRIANGLE = "triangle"
 #: Sine of the angle below which tilted axes were probably meant to be parallel.
 MEANT = 1e-3

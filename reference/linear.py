@@ -15,7 +15,7 @@ EPS = float(np.finfo(float).eps)
 SINGULAR = 1e12
 #: Rounding error of one closing equation or joint axis in units of eps, accumulated over a few hundred operations.
 ROUNDED = 2.0
-#: Interval of the matrices along a motion that are inverted directly; number of matrices processed at a time.
+#: Interval between matrices along a motion that are inverted directly; number of matrices processed at a time.
 EVERY, BLOCK = 16, 128
 #: Relative error above which no digit is correct.
 DIGIT = 0.1
@@ -49,7 +49,7 @@ def solve(A: Array, b: Array) -> Array:
 
 
 def condition(A: Array) -> Array:
-    """Return the condition number in the Frobenius norm; infinite for singular matrices. Shape (..., m, n) -> (...).
+    """Return the condition number in the Frobenius norm, or inf for singular matrices. Shape (..., m, n) -> (...).
 
     It is at most n times the 2-norm condition number, and an order of magnitude faster to compute along a trajectory.
     """

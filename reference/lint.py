@@ -41,7 +41,7 @@ DEGREES = 720.0
 SHOWN = 3
 #: How to write an angle in degrees.
 WRITTEN = "degrees are written as '30*deg'"
-#: Rounding error of zero; angle [rad] and distance [mechanism lengths] below which nonzero values are hardly intended.
+#: Rounding error of a zero; angle [rad] and distance [mechanism lengths] below which nonzero values are likely errors.
 #: A right angle written as 1.5708 has an error of 4e-6.
 ROUNDING, ANGLE, DISTANCE = 1e-8, 0.01, 1e-3
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 GROUND = "ground"
-COLUMNS, MOST = 100, 3  # screen width, and number of lines for bodies, joints and so on
+COLUMNS, MOST = 100, 3  # screen width, and largest number of lines each for bodies, joints and so on
 #: Fraction of the trace by which rounding may violate the inequalities of an inertia tensor.
 SLACK = 1e-12
 

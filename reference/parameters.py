@@ -98,7 +98,7 @@ _UNITS = {
 
 
 def unit(name: str) -> str:
-    """Return the unit of a parameter, given its full name; empty if the unit depends on the object."""
+    """Return the unit of a parameter, given its full name, or an empty string if the unit depends on the object."""
     *_, before, last = name.split(".")
     return _UNITS.get(last, _UNITS.get(before, ""))
 
@@ -109,7 +109,7 @@ def inertial(name: str) -> bool:
 
 
 def resisting_joint(name: str) -> str:
-    """Return the joint whose rotor, damping or friction is the given parameter; empty for all other parameters."""
+    """Return the joint whose rotor, damping or friction is the given parameter, or an empty string."""
     found = re.fullmatch(rf"joints\.(.+)\.(?:{'|'.join(RESISTS)})(?:\.\d+)?", name)
     return found[1] if found else ""
 

@@ -19,7 +19,7 @@ Step = Callable[[Array], Array | None]
 def normals_of_planes(
     joints: Sequence[Joint], couplings: Sequence[Coupling], parallel: float = PARALLEL
 ) -> dict[str, Array]:
-    """Find the directions about which each body can rotate; all axes for a body that never rotates.
+    """Find the directions about which each body can rotate; return three axes for a body that never rotates.
 
     A body can only rotate about a ground direction if a chain of joints that only rotate about this direction connects
     it to the ground; all other joints can only restrain the body more. Coordinates that a coupling locks do not rotate.

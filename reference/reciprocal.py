@@ -213,7 +213,7 @@ def pose_joints(mechanism: Mechanism) -> frozenset[str]:
 
 
 def normal_of_plane(screws: Array) -> Array | None:
-    """Return the normal of the plane in which all joints move; None if the motion is spatial.
+    """Return the normal of the plane in which all joints move, or None if the motion is spatial.
 
     Args:
         screws: Screws of all joints at a pose: directions of rotation and translation. Shape (n, 6).
@@ -243,8 +243,8 @@ def idle_forces(lay: Layout, q: Array) -> Array:
 def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElement, ...]:
     """Express a screw system as lines and directions that span it; lines come first.
 
-    Uses the principal screws (Ball, A Treatise on the Theory of Screws, 1900), which meet at one point; lines of zero
-    pitch replace them if the system contains enough such lines.
+    The lines are principal screws (Ball, A Treatise on the Theory of Screws, 1900), which meet at one point, or lines
+    of zero pitch if the system contains enough of them.
 
     Args:
         system: Independent dimensionless screws ``[direction; moment about O]``. Shape (6, k).

@@ -80,7 +80,7 @@ def without_resistance(mechanism: Mechanism, what: str) -> Mechanism:
 
 
 def amounts(what: str, given: Array, n: int, where: str) -> Array:
-    """Return the amounts for n coordinates; zeros by default. Shape (n,).
+    """Return the amounts for n coordinates, which are zero by default. Shape (n,).
 
     Raises:
         DescriptionError: An amount is negative or not finite, or the number of amounts is not n.

@@ -123,7 +123,7 @@ def measure(
     K = base.steady(back[:, -k:]) if base else back[:, -k:]
     turned, second = U.T @ slope @ Vt.T, (back @ (slope[..., :n_z] @ K)).swapaxes(0, 1)
     balls, weights = _balls(s, turned, Vt[:, :n_z], second, K)
-    chosen = int(np.argmin(np.linalg.slogdet(balls)[1]))  # a long ball may be narrow across, e.g. at a lock
+    chosen = int(np.argmin(np.linalg.slogdet(balls)[1]))  # a long ball may be narrow across, e.g. where a leg locks
     W, power, weight = balls[chosen], float(NORMS[chosen]), weights[chosen]
     moved = z - back @ residual
     return Anchor(moved, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
@@ -261,7 +261,7 @@ class Anchors:
         return z
 
     def corrections(self, z: Array, a: Indices) -> Array:
-        """Divide corrections of unknowns by the distance to other solutions; inf if above 1. (n, n_z) -> (n,)."""
+        """Divide corrections of unknowns by the distance to other solutions; a correction above 1 gives inf. (n, n_z) -> (n,)."""
         norm = np.empty(len(z))
         for rows, i in _groups(a):
             norm[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)

@@ -162,7 +162,7 @@ def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
 
 #: Distance of trial poses from home [rad or mechanism lengths], and number of trial poses.
 AWAY, TRIALS = 0.15, 4
-#: Rate below which a coordinate may be at rest, far above rounding error; a false candidate only takes time.
+#: Rate below which a coordinate may be at rest, far above rounding error; a false candidate only costs time.
 STILL = 1e-7
 #: Condition number above which a trial pose is useless, because rounding moves coordinates at rest.
 CLEAR = 1e4
@@ -211,7 +211,7 @@ def _may_rest(system: LoopEquations) -> bool:
 
 
 def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
-    """Return unknowns, y and matrices of closed poses in general position near home; None if too few are found."""
+    """Return unknowns, y and matrices of closed poses in general position near home, or None if too few are found."""
     columns = system.y_columns
     unit, k = system.sizes[columns], np.arange(len(columns))
     home = system.lay.mechanism.home[columns] / unit

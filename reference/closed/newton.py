@@ -24,7 +24,7 @@ Evaluation = Callable[[Array, Array], tuple[Array, ...]]
 # Angles are in rad and distances in mechanism lengths wherever these constants are used.
 #: Closure residual that is as small as float64 allows.
 ROUNDING = 2 * linear.EPS
-#: Residual that the rounding of an engine may leave. A further step only follows noise, amplified by 1 / distance.
+#: Residual that rounding in an engine may leave. A further step only follows noise, amplified by 1 / distance.
 CLOSED = 4 * ROUNDING
 #: Residual below which rounding may prevent a step from halving it.
 NOISE = 1e-11
@@ -224,7 +224,7 @@ def straight_path(y0: Array, y1: Array) -> Array:
 
 
 def bent_paths(y0: Array, y1: Array) -> list[Array]:
-    """Return control points, (6, k), of two paths bent to either side of the straight path; empty if k = 1."""
+    """Return control points, (6, k), of two paths bent to either side of the straight path, or none if k = 1."""
     way = y1 - y0
     if len(way) < 2:
         return []

@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
 #: Length of a path in y below which rounding dominates.
 SHORTEST = 1e-13
-#: Largest number of steps along one piece of a motion: a constant, and a number per length [rad or mechanism lengths].
+#: Largest number of steps along a piece of motion: a constant, and a number per unit length [rad or mechanism lengths].
 MOST, EACH = 400, 20
 #: Largest number of halvings of a curve.
 DEEPEST = 48
@@ -27,7 +27,7 @@ NEWTON, CLOSE = 8, 1e-6
 #: Largest change of the Jacobian in the last step, after which it is not reevaluated, relative to its smallest
 #: singular value.
 TURNED = 0.125
-#: Largest deviation of a motion from the curve through its samples, as a fraction of a ball.
+#: Largest deviation of a motion from the curve through its samples, as a fraction of a ball's radius.
 MISS = 0.1
 #: Fraction of a path by which a step passes a singular pose on the path; and fraction of the largest singular value
 #: below which a singular direction does not indicate where the branch continues.
@@ -269,7 +269,7 @@ class Walk:
         return np.asarray(z + TURN * np.where(self.anchors.angles, np.rint((near - z) / TURN), 0.0))
 
     def _look_for_turns(self, y: Array) -> None:
-        """Find angles whose full turn leads back home if samples are more than half a turn away. Shape (n, k)."""
+        """Find angles whose full turn leads back home, if samples are more than half a turn from home. Shape (n, k)."""
         far = np.abs(y - self.anchors[0].y).max(axis=0) > np.pi
         for i in np.flatnonzero(far & self.turns).tolist():
             if i not in self.tried:

@@ -19,7 +19,7 @@ HOME = 1e-8
 
 
 def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None = None) -> Coordinates | None:
-    """Return tree coordinates on the home branch if every leg, with its wrist cut, has a closed form; else None.
+    """Return tree coordinates on the home branch if every leg, with its wrist cut, has a closed form, or else None.
 
     The joint of the independent coordinates places the output body; the remaining coordinates of that joint keep their
     home values. If a leg does not allow this, the loops stay open, and Newton's method must continue from the result.

@@ -72,7 +72,7 @@ class JointPose:
 
 @lru_cache(maxsize=4096)
 def is_identity(frame: Frame) -> bool:
-    """Return True if a frame coincides with the frame of its body; cached per frame."""
+    """Return True if a frame coincides with the frame of its body; cache the result."""
     return frame.is_identity
 
 
@@ -230,7 +230,7 @@ def components(joint: Joint) -> list[tuple[str, str]]:
 
 
 def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and units of reaction components, e.g. ``leg1.base.fx`` and N, in order of role; couplings last."""
+    """Return names and units of reaction components, e.g. ``leg1.base.fx`` and N, by role; couplings come last."""
     pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
     turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
     pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]

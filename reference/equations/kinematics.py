@@ -278,7 +278,7 @@ _lengths: WeakKeyDictionary[Mechanism, float] = WeakKeyDictionary()
 
 
 def length(lay: Layout) -> float:
-    """Return the largest distance [m] between joint points and centres of mass at home; 1 if it is zero."""
+    """Return the largest distance [m] between joint points and centres of mass at home, or 1 if it is zero."""
     if lay.mechanism not in _lengths:
         _lengths[lay.mechanism] = _length(lay)
     return _lengths[lay.mechanism]

@@ -36,7 +36,7 @@ def loop_lengths(lay: Layout) -> Array:
 
 
 def stretch(lay: Layout) -> float:
-    """Return the length of the mechanism divided by the length of its shortest loop; 1 if there is no loop."""
+    """Return the length of the mechanism divided by the length of its shortest loop, or 1 if there is no loop."""
     L = length(lay)
     return L / float(loop_lengths(lay).min(initial=np.inf if lay.cuts else L))
 
