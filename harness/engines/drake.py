@@ -109,7 +109,7 @@ class DrakeTree(kit.OpenTree):
         return tau + self.rotors * a
 
     def transmitted(self, at: kit.BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """Compute the joint wrenches with the Newton-Euler equations, inwards from the tips.
+        """Compute the joint wrenches with the Newton-Euler equations, working inwards from the tips.
 
         Drake computes reactions by its forward dynamics, which are singular if composite joints have massless crosses.
         """

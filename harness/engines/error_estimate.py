@@ -50,7 +50,7 @@ class Trust:
         gain: Norm of the inverse of the dimensionless closing system, either of the worst loop, scaled by the length of
             that loop, or of all loops together, scaled by the length of the mechanism; see `stretch`. Shape (n,).
         charts: Condition number of the cut joints' angle charts, at least 1; affects only joint coordinates. (n,).
-        forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
+        forces: Quantity -> condition number of the system that was solved for its forces. Shape (n,).
         speed: Largest rate, in rad/s or mechanism lengths per s. Shape (n,).
         rush: Acceleration scale: the largest acceleration or the square of `speed`, whichever is larger. Shape (n,).
         load: Largest force term [N]; terms may cancel. Shape (n,).
@@ -118,7 +118,7 @@ class Trust:
 
 
 def worst_of(some: Mapping[str, Array], others: Mapping[str, Array]) -> dict[str, Array]:
-    """Merge two tables of condition numbers by quantity; take the maximum, of shape (n,), if both have a quantity."""
+    """Merge tables, quantity -> condition number (n,); take the larger number if both have the quantity."""
     return {**some, **{name: np.maximum(number, some.get(name, 1.0)) for name, number in others.items()}}
 
 
@@ -130,7 +130,7 @@ class SolvedPart:
         values: Quantity -> values. Shape (n, m).
         trust: Condition numbers; errors are not estimated if its `gain` is NaN at all samples, as in `Trust.unknown`.
         doubtful: Samples that were solved again.
-        moved: Quantity -> largest change in the components between these solutions. Shape (n_doubtful, m).
+        moved: Quantity -> largest change in the components when solved again. Shape (n_doubtful, m).
         q: All joint coordinates [rad or m], shape (n, n_q); None if unknown.
     """
 
@@ -200,9 +200,9 @@ def examine_part(
 def vanishing_samples(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
     """Choose samples to solve again for quantities that vanish, in one of their units, relative to their terms.
 
-    If terms cancel, their size, which may be a million times the comparison scale, would serve as the scale of the
-    error. Powers of the gain ignore cancellation and would then give estimates that are far too large. One sample
-    represents all samples with smaller powers, see `absolute_error`.
+    If the terms of a value cancel, its error is estimated from these terms, which may be a million times the comparison
+    scale. Powers of the gain ignore cancellation and then give estimates that are far too large. One sample represents
+    all samples with smaller powers, see `absolute_error`.
 
     Args:
         values: Quantity -> shape (n, m).

@@ -1,7 +1,7 @@
-"""The engine `exudyn`: bodies in absolute coordinates (Euler parameters), with every joint as a GenericJoint.
+"""The engine `exudyn` describes bodies by absolute coordinates (Euler parameters) and joints as GenericJoints.
 
 It uses neither a spanning tree nor a cut. EXUDYN computes the mass matrix, gravity, loads, springs between points,
-and constraints with their derivative and multipliers. This module adds forces along joint coordinates through their
+and constraints with their derivatives and multipliers. This module adds forces along joint coordinates through their
 virtual work.
 """
 
@@ -99,7 +99,7 @@ class ExudynSystem(kit.Stepped):
         return int(self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=number, localHT=frame)))
 
     def _join(self, joint: kit.Joint) -> tuple[int, list[int]]:
-        """Add a joint between frames that have its last axis as z; return the object's index and the locked axes."""
+        """Add a joint between frames whose z is the joint's last axis; return the object's index and locked axes."""
         z, locked = joint.axes[-1], [int(on) for on in LOCKED[joint.kind]]
         y = joint.axes[0] if len(joint.axes) == 2 else np.linalg.svd(z[None])[2][1]  # parent's y stays orthogonal to z
         frame = np.stack([np.cross(y, z), y, z], axis=1)

@@ -32,7 +32,7 @@ TASKS = {
 
 
 def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
-    """Return feature -> the first joint or coordinate with it, or the scene, for a mechanism and its applied forces."""
+    """Map each feature of a mechanism and its applied forces to the first item that has it, for messages."""
     found: dict[str, str] = {}
     for joint in mechanism.joints:
         found.setdefault(joint.kind, f"joint {joint.name}")

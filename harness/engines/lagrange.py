@@ -16,7 +16,7 @@ import numpy as np
 import screwgauge.plugins as kit
 from screwgauge.engines.virtual_work import Equations, axial_vector
 
-#: Largest number of operations that a trace records; a program has a tenth of these.
+#: Largest number of operations that a trace records; a program has about a tenth of this number.
 MOST = 1_000_000
 #: A rate below this counts as rest, where dry friction is taken as zero [rad/s or m/s].
 REST = 1e-9
@@ -96,7 +96,7 @@ class SolvedMotion:
 
     @cached_property
     def ydd(self) -> kit.Array:
-        """Second derivatives of the independent coordinates, which forces determine if undriven. Shape (n, k)."""
+        """Second derivatives of the independent coordinates, from forces for undriven coordinates. Shape (n, k)."""
         ydd, idle = self.motion.ydd, [*self.motion.idle]
         if idle:
             given = ydd * ~np.isin(np.arange(ydd.shape[1]), idle)
@@ -195,7 +195,7 @@ class SolvedMotion:
         return times(self.back.swapaxes(1, 2), needs - self.driven(f))
 
     def wrenches(self, needs: kit.Array, f: kit.Array, **state: kit.Array) -> kit.Array:
-        """Return each joint's force on its child, and moment about the joint's child-side point. (n, n_joint, 6)."""
+        """Return each joint's force on its child, and its moment about the child-side point. (n, n_joint, 6)."""
         forces, equations = self.multipliers(needs, f), self.equations
         found = equations.transmitted(self.n, **state, multipliers=forces)["wrenches"].reshape(self.n, -1, 6)
         each = {joint.name: found[:, i] * (1 if out else -1) for i, (joint, out) in enumerate(equations.tree)}

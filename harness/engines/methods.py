@@ -1,4 +1,4 @@
-"""SciPy's integrators, limits for retrying steps with unreliable accelerations, and detectors of stuck motions."""
+"""SciPy's integrators, retries after unreliable accelerations, and detectors of motions that get stuck."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST = 100
 SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
 
 #: Order of the error estimate with which a method chooses its steps: an error of `tol` needs steps of tol^(1/order)
-#: times the time scale of the motion. For BDF, whose order varies, the lower order is used.
+#: times the time scale of the motion. For BDF, whose order varies, a low order is assumed.
 ORDER = {"DOP853": 8, "Radau": 4, "BDF": 4}
 #: Longest duration of a fast phase of the motion, as a multiple of the time scale of the motion.
 PHASES = 10.0
@@ -108,7 +108,7 @@ class DryFriction:
         return ""
 
     def _row(self, state: Array, c: int) -> Array:
-        """Return a coordinate's rate differentiated by the state's rates, and zero elsewhere. Shape (2 n + 1,)."""
+        """Return the gradient of a coordinate's rate in the state, nonzero only for the state's rates. (2 n + 1,)."""
         n, row = len(state) // 2, np.zeros_like(state)
         for i, unit in enumerate(np.eye(n), n):
             row[i] = self._rates(np.concatenate([state[:n], unit, state[-1:]]), self.names)[c]

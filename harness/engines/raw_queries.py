@@ -62,7 +62,7 @@ Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], A
 
 
 def frame_motion(states: JointStates, frame: Array) -> tuple[Array, Array]:
-    """Convert the reading's motion to the motion of a frame of the library.
+    """Convert the reading's motion to the motion of the library's joint frame.
 
     Args:
         frame: World pose of the library's joint frame at the home pose. Shape (4, 4).

@@ -88,7 +88,7 @@ class Engine:
 
     @property
     def requirement(self) -> str:
-        """The requirement to install with pip."""
+        """Requirement string to pass to pip."""
         return f"'screwgauge[{self.extra}]'" if self.extra else self.package
 
     @property
@@ -208,7 +208,7 @@ ENGINES: dict[str, Engine] = {
         _port("mjx", "MJX, MuJoCo in JAX, on the MJCF, minimal cut", "mujoco-mjx", ("float64", "float32")),
         _port("mjwarp", "MuJoCo Warp on the MJCF, minimal cut, in float32", "mujoco-warp", ("float32",)),
         _treeless(
-            "lagrange", "Lagrange's equations by derivatives of positions, on request", _ALL_JOINTS, "screwgauge"
+            "lagrange", "Lagrange's equations from derivatives of positions, on request", _ALL_JOINTS, "screwgauge"
         ),
         Engine(
             "truth",
@@ -218,8 +218,8 @@ ENGINES: dict[str, Engine] = {
             "python-flint",
             lacks=LACKS,
             refuses={
-                "springs": "it encloses forces along joints and on bodies, but not springs",
-                "InitialValue": "it encloses samples of a given motion, but not an integration",
+                "springs": "it encloses the effects of forces along joints and on bodies, but not of springs",
+                "InitialValue": "it computes enclosures for given motions, but not for simulations",
                 "States": "it closes loops itself and has no open tree",
             },
             most=MOST,
@@ -358,7 +358,7 @@ def _check_description(engine: object) -> Engine:
 def check_engines(
     names: Iterable[str], where: str = "", task: type[Task] | None = None, others: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Return the names in the given order without repetitions.
+    """Check names of engines and return them in the given order without repetitions.
 
     Args:
         task: A kind of task that all engines must accept.

@@ -171,7 +171,7 @@ class Equations:
             ((near, inner), (far, outer)), (A, s) = joint.sides if out else joint.sides[::-1], self._across(joint)
             A, s = (A, s) if out else (A.T, -(A.T @ s))
             R, p = pose[near][0] @ inner.R, world_point(pose[near], inner.p)
-            turn, arm = np.eye(3) + skew(x[3:]), np.zeros(3) if out else R @ s  # from the joint's point of the child
+            turn, arm = np.eye(3) + skew(x[3:]), np.zeros(3) if out else R @ s  # from the joint's child-side point
             p, R = p + R @ s - arm + x[:3] + turn @ arm, turn @ R @ A @ outer.R.T
             pose[far] = R, p - R @ outer.p
         return pose

@@ -18,7 +18,10 @@ from screwgauge.reference.resistance import LOSSES, REST, Resistance, resistance
 from screwgauge.reference.rotations import Array, cross, times
 
 BodyMotion = Callable[[int], tuple[Array, Array, Array]]
-"""Index of a body, 0 for ground -> R (..., 3, 3), p (..., 3), twist (..., 6): angular velocity, then the origin's."""
+"""Index of a body, 0 for ground -> R, p and twist (angular velocity, then velocity of the origin).
+
+Shapes (..., 3, 3), (..., 3), (..., 6).
+"""
 
 Coordinate = Callable[[str], tuple[Array | float, Array | float]]
 """Joint coordinate -> its value and rate. Shape (...)."""
@@ -37,7 +40,7 @@ def forces_at_joints(
         resist: Damping and dry friction of the joints; engines include rotors themselves.
 
     Yields:
-        Coordinate, the force along it [N or N m], and its power, excluding the change in stored energy [W]; both (...).
+        Coordinate, the force along it [N or N m], and its power, excluding the change in stored energy [W].
     """
     for motor in applied.motors:
         force = motor.force(t)
@@ -154,7 +157,10 @@ def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
 
 
 def load_point(mechanism: Mechanism, load: Load) -> Array:
-    """Return the body point of a load [m]; the default is the centre of mass or, for ground, the origin. Shape (3,)."""
+    """Return the point of the body at which a load acts [m]. Shape (3,).
+
+    The default is the centre of mass or, for ground, the origin.
+    """
     if load.point is not None:
         return load.point
     i = mechanism.body_index[load.body]

@@ -61,7 +61,7 @@ def force_values(closed: ClosedMotion, qdd: Array, Q: Array, f: Array, along: Ar
 
     Args:
         Q, f: Generalised forces, and actuator forces. Shapes (n, k), (n, n_actuator).
-        along: Forces of motors, springs and losses along the joint coordinates, see `along_joints`. Shape (n, n_q).
+        along: Forces of motors, springs, dampers and friction along joints, see `along_joints`. Shape (n, n_q).
     """
     moments = along - closed.mechanism.rotors * qdd
     moments[:, closed.mechanism.actuated_columns] += f

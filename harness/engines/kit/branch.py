@@ -135,7 +135,7 @@ class Branch:
         self._go(motion, t, y, halvings + 1)
 
     def _link(self, t: Array, y: Array) -> Array:
-        """Return the poses before the first whose step is long or disagrees with the tangents at its ends."""
+        """Return the poses before the first pose whose step is long or disagrees with the tangents at its ends."""
         q, K, good = self._newton(self._q + (self._K @ (y - self._y)[..., None])[..., 0], y)
         K, way = np.concatenate([self._K, K]), np.diff(np.concatenate([self._y[None], y]), axis=0)[..., None]
         step = np.diff(np.concatenate([self._q, q]), axis=0)

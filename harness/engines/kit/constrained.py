@@ -175,7 +175,7 @@ class _PartSolver:
         return np.asarray((along[:, None] @ closed.J)[:, 0])
 
     def _rates(self, closed: ClosedMotion) -> tuple[Array, Array]:
-        """Return body and point velocities per unit rate of each actuator, and the condition number of that map."""
+        """Return the quantity `jacobian`, and the condition number of the actuator rates, see `per_actuator`."""
         mechanism = self.engine.mechanism
         B = closed.J[:, mechanism.actuated_columns] @ closed.K
         twists, points = closed.at.T @ closed.K[:, None], self.problem.points

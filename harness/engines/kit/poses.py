@@ -213,7 +213,7 @@ def com_accelerations(mechanism: Mechanism, R: Array, V: Array, A: Array) -> Arr
 
 
 def shifted(V: Array, A: Array, arms: Array) -> Array:
-    """Return the accelerations of points at `arms`, (n, m, 3), from the origins, which move with V, A: (n, m, 6)."""
+    """Return the accelerations of points at `arms` (n, m, 3) from origins with twist V and acceleration A (n, m, 6)."""
     w = V[..., :3]
     return np.asarray(A[..., 3:] + cross(A[..., :3], arms) + cross(w, cross(w, arms)))
 

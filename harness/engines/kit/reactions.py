@@ -38,7 +38,7 @@ def joint_wrenches(mechanism: Mechanism, at: Placement, rows: Sequence[Rows], mu
     """Return the wrenches of all joints on their children, see `reactions`.
 
     Args:
-        rows: Gaps of each joint, in the order of the description.
+        rows: Indices of each joint's gaps, in the order of the description.
         multipliers: Multipliers of all gaps. Shape (n, m).
 
     Returns:
@@ -53,7 +53,7 @@ def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Arr
     """Return the joint force perpendicular to the line of the rule ``spherical_axial``, per unit multiplier.
 
     Args:
-        rows: Gaps of each joint, in the order of the description.
+        rows: Indices of each joint's gaps, in the order of the description.
 
     Returns:
         Components in two directions. Shape (n, 2, m).

@@ -34,8 +34,8 @@ def check_statement(engine: Constrained, problem: Problem) -> None:
     """Reject an engine whose arrays are inconsistent at the home pose; checks only arrays that the problem needs.
 
     Raises:
-        ValueError: An array has the wrong shape, is not finite, or is not the required derivative. This is not an error
-            with which engines reject mechanisms, because the engine itself is wrong.
+        ValueError: An array has the wrong shape, is not finite, or is not the required derivative. It is not a
+            `ScrewgaugeError`, with which engines reject mechanisms, because the engine itself is wrong.
     """
     x, n_x, m = np.asarray(engine.home), np.size(engine.home), np.size(engine.gap_units)
     _check_arrays("", {"home": (x, (n_x,)), "units": (engine.units, (n_x,)), "gap_units": (engine.gap_units, (m,))})
@@ -77,7 +77,7 @@ def _check_rows(rows: Sequence[Sequence[int]], mechanism: Mechanism, m: int) -> 
 
 
 def _direction(engine: Constrained, at: Placement) -> Array:
-    """Return rates of x that do not open gaps that belong to no joint; such gaps relate redundant coordinates."""
+    """Return rates of x that keep closed all gaps that belong to no joint; such gaps relate redundant coordinates."""
     units = np.asarray(engine.units, dtype=float)
     v = units * np.cos(1.0 + 2.4 * np.arange(len(units)))
     own = [row for row in range(at.G.shape[1]) if row not in {row for some in engine.rows for row in some}]

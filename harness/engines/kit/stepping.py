@@ -1,4 +1,4 @@
-"""Simulation with an engine's own fixed-step integrator and constraints in its own coordinates."""
+"""Simulate with the fixed-step integrator of an engine that formulates constraints in its own coordinates."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def solve_stepwise(
 
     Raises:
         ModelFileError: The problem has couplings or forces along joints, which the engine does not support.
-        ClosureError: The loops do not close at the start, or no output time was reached.
+        ClosureError: The loops do not close in the initial pose, or no output time was reached.
     """
     task, mechanism, stopped, steps = problem.task, engine.mechanism, "", 0
     if not isinstance(task, InitialValue):
@@ -73,7 +73,7 @@ def solve_stepwise(
 
 
 def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
-    """Reject couplings and forces along joints, which the engine's equations lack.
+    """Reject couplings and forces along joints, which the engine's integrator does not support.
 
     Raises:
         ModelFileError: The problem has couplings or forces along joints.

@@ -319,4 +319,4 @@ class MujocoStepper:
         total = self.data.efc_force[: self.data.nefc].copy()
         refine(self.model, self.data, a, self.passes, total=total)
         self.data.qfrc_applied[:] = self.base
-        return a, -total[: len(self.closing)]  # rows of equality constraints come first, for their first site
+        return a, -total[: len(self.closing)]  # equality rows come first; their forces act on the first site

@@ -40,7 +40,7 @@ def load(files: ModelFiles, **settings: Any) -> MujocoModel:
 
 
 class MujocoModel(TreeModel):
-    """A tree model that collects MuJoCo's warnings, and notes small moments of inertia that stand in for zeros."""
+    """A tree model that collects MuJoCo's warnings, and reports small moments of inertia that replace zeros."""
 
     def __init__(self, closed: ClosedTree, dynamics: MujocoDynamics) -> None:
         super().__init__(closed, dynamics)

@@ -160,7 +160,7 @@ class MujocoTree(OpenTree):
                 what = "its type is not supported, or it does not connect bodies, joints or fixed tendons"
                 raise ModelFileError(what, where, 'use connect, weld or a joint equality, or set active="false"')
             if self.model.eq_objtype[e] != _SITE:
-                raise ModelFileError("does not join two sites", where, "use site1, site2")
+                raise ModelFileError("does not join two sites", where, "use site1 and site2")
             sites = int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
             joint = self.model.site(sites[0]).name.split("@")[0]
             pairs_of.setdefault(joint, []).append(sites)

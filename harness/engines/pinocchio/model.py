@@ -116,7 +116,7 @@ class PinocchioSettings:
         frames: Close each loop with a 6D contact between its two frames for given states.
         examine: Examine the conditioning of given states, and the error that Pinocchio reports.
         integrator, dt: One of `INTEGRATORS` with its step [s]; the state is projected onto the loops after every step.
-            `dt` is None for scipy's methods.
+            `dt` is None for SciPy's methods.
     """
 
     mu: float | None = MU

@@ -24,7 +24,7 @@ from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.resistance import rotors_of
 from screwgauge.reference.rotations import Array, cross
 
-#: Singular values below this fraction of the largest belong to couplings that the loops already enforce.
+#: Singular values below this fraction of the largest singular value belong to couplings that the loops already enforce.
 REDUNDANT = 1e-9
 #: Fraction of the largest inertia in the tree below which a joint's inertia counts as zero.
 WEIGHTLESS = 1e-15
