@@ -261,7 +261,7 @@ class Anchors:
         return z
 
     def corrections(self, z: Array, a: Indices) -> Array:
-        """Divide corrections of unknowns by the distance to other solutions; a correction above 1 gives inf. (n, n_z) -> (n,)."""
+        """Divide corrections of unknowns by the distance to other solutions; above 1, return inf. (n, n_z) -> (n,)."""
         norm = np.empty(len(z))
         for rows, i in _groups(a):
             norm[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)
