@@ -122,7 +122,7 @@ def test_a_csv_with_too_many_columns_is_refused(folder):
     [
         ("0,0,0,0\n" + "," * 1_000_000, "1e+06 CSV columns, more than 1000"),
         ("," * 1_000_000, "1e+06 CSV columns, more than 1000"),
-        ('"\n",' * 100_000, "a quoted text spans several lines"),
+        ('"\n",' * 100_000, "a quoted string spans several lines"),
         ("0,0,0,0,0\n", "more fields than the header"),
     ],
 )

@@ -99,12 +99,12 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
                 _reject(entry, missing(error, entry))
             yield Loaded(entry, files, model, scene, quantities)
             return
-    _reject(entry, f"refuses all of the mechanisms that are tried first ({' '.join(refused)}); accept at least one")
+    _reject(entry, f"refuses all mechanisms that the fixtures try ({' '.join(refused)}); accept at least one of them")
 
 
 @pytest.fixture(scope="session")
 def given(loaded: Loaded) -> Problem:
-    """Return the problem of a given motion with all quantities of the engine."""
+    """Return the problem of a given motion, requesting all quantities that the engine computes."""
     loaded.takes(GivenMotion)
     return loaded.scene.problem(loaded.quantities)
 
@@ -116,7 +116,7 @@ def answered(loaded: Loaded, given: Problem) -> Solution:
 
 @pytest.fixture(scope="session")
 def fall(loaded: Loaded) -> Problem:
-    """Return a short simulation from a state of the given motion, under the forces of its scene."""
+    """Return a short simulation that starts from a state of the given motion, under the forces of its scene."""
     loaded.takes(InitialValue)
     task = loaded.scene.task
     assert isinstance(task, GivenMotion)

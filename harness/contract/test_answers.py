@@ -15,7 +15,7 @@ from screwgauge.solution import Solution
 
 #: Fraction of the explainable rounding up to which forces must be linear in accelerations.
 LINEAR = 0.1
-SLOWEST = 1e-3  # smallest inertial share of the largest force with which a test of linearity has meaning
+SLOWEST = 1e-3  # smallest share of inertia in the largest force for which a test of linearity is meaningful
 
 
 def arrays(solution: Solution) -> dict[str, Array]:
@@ -89,7 +89,7 @@ def test_what_is_answered_cannot_be_changed(answered: Solution) -> None:
 
 
 def test_it_may_be_asked_anything_in_any_order(loaded: Loaded, given: Problem, request: pytest.FixtureRequest) -> None:
-    """A task gives bitwise equal answers if repeated after other tasks and gravities, and with a reloaded model."""
+    """A task gives bitwise equal answers when repeated after different tasks and gravity, and with a reloaded model."""
     problems = [given, replace(given, applied=replace(given.applied, gravity=np.array([1.0, 2.0, 3.0])))]
     for task, fixture in (("InitialValue", "fall"), ("States", "pushed")):
         if task in {kind.__name__ for kind in loaded.engine.tasks} and loaded.engine.cut != "full":
@@ -107,7 +107,7 @@ def test_nothing_is_printed(loaded: Loaded, given: Problem, capfd: pytest.Captur
 
 
 def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
-    """If gravity is None, it comes from the model file, or else is `GRAVITY`, as in the scene."""
+    """If gravity is None, engines use the gravity of the model file or else `GRAVITY`, which equals the scene's."""
     quantity = _force_of(loaded)
     problem = replace(given, wanted=frozenset((quantity,)))
     left = replace(problem, applied=replace(problem.applied, gravity=None))
@@ -142,7 +142,7 @@ def test_progress_goes_from_nothing_to_all(loaded: Loaded, given: Problem) -> No
     shares: list[float] = []
     loaded.ask(replace(given, task=_part(given)), progress=shares.append)
     assert shares == sorted(shares), "progress goes back"
-    assert all(0.0 <= share <= 1.0 for share in shares), "progress must be a share from 0 to 1"
+    assert all(0.0 <= share <= 1.0 for share in shares), "progress must be a fraction from 0 to 1"
 
 
 def _part(given: Problem) -> GivenMotion:

@@ -1,4 +1,4 @@
-"""Answers for built-in and random mechanisms agree with the solver's, and pass the judge."""
+"""Answers for built-in and random mechanisms agree with the answers of the solver, and pass the judge."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ MECHANISMS = {
     "3ups-upu-s-fast": "fast motion, all inertia, redundant actuators, a load",
 }
 SEED = 7
-#: Quantities that need a rule come last, since errors in other quantities may cause theirs.
+#: Quantities that need a rule come last, because their errors may result from errors in other quantities.
 FACTS = "motions first, then forces, then reactions: the first that differs is likely to be the cause"
 _REFUSED = tuple(error.__name__ for error in REFUSALS)
 
@@ -68,7 +68,7 @@ def run_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict
     """Run a scene with the quantities that the engine computes.
 
     Skip the test if the engine refuses the scene with an error message, and fail it if the engine fails. If strict,
-    fail also if `refuses` does not name what the engine refuses.
+    also fail if the engine refuses a scene for a reason that `refuses` does not name.
     """
     if GivenMotion not in entry.tasks:
         pytest.skip(f"{entry.name} does not accept given motions")
@@ -104,7 +104,7 @@ def test_a_quantity_is_that_of_the_solver(entry: Engine, name: str, quantity: st
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
-    """Equations of motion, closure and power balance hold among the engine's own numbers."""
+    """The engine's own numbers satisfy the equations of motion, loop closure and power balance."""
     results = run_engine(entry, built_in(name), OF_MOTION)
     if not len(results.judge[results.judge["engine"] == entry.name]):
         pytest.skip(f"{entry.name} returns too few quantities for {name} to be judged")
@@ -114,7 +114,7 @@ def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
     assert not said, f"numbers of {name} contradict each other: {'; '.join(said)}"
 
 
-#: Description of a body on one joint from the ground, without actuators: kind of the joint, its axes, further entries.
+#: Description of a body connected to ground by one joint, without actuators; the kind, axes and other entries vary.
 ALONE = """name = "alone"
 [independent]
 {independent}
@@ -177,7 +177,7 @@ def test_a_feature_is_taken_or_declared(entry: Engine, feature: str, tmp_path: P
 
 @pytest.mark.parametrize("family", families())
 def test_a_random_mechanism_agrees(entry: Engine, family: str) -> None:
-    """The engine agrees for random mechanisms; run ``screwgauge.random(7, FAMILY)`` to repeat a failure."""
+    """The engine agrees for a random mechanism; call ``screwgauge.random(7, FAMILY)`` to reproduce a failure."""
     scene = screwgauge.random(SEED, family)
     results = run_engine(entry, scene, scene.quantities)
     if entry.precision != FLOAT64.name and results.outcome == "undecided":

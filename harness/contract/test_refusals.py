@@ -1,4 +1,4 @@
-"""Engines' declarations are true, and engines refuse problems outside their models with an error message."""
+"""Declarations of an engine are true, and it refuses problems that it does not support with an error message."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_the_entry_says_what_the_engine_is(entry: Engine) -> None:
         f"`package` is '{entry.package}', which is not installed; set it to the engine's distribution"
     )
     assert entry.meaning, "`meaning` is empty; describe the engine in a few words"
-    assert entry.reads in (".toml", ".urdf", ".xml"), "`reads` must be the ending of its model file"
+    assert entry.reads in (".toml", ".urdf", ".xml"), "`reads` must be the file extension of its model file"
     assert entry.cut in CUTS
     assert bool(entry.cut) == (entry.reads != ".toml"), "`cut` must name the generated URDF or MJCF that it reads"
     assert entry.tasks, "`tasks` is empty"
@@ -33,7 +33,9 @@ def test_the_entry_says_what_the_engine_is(entry: Engine) -> None:
     assert not unknown, f"`lacks` names unknown quantities: {', '.join(sorted(unknown))}"
     assert all(why.strip() for why in entry.lacks.values()), "`lacks` must give a reason for each quantity"
     unknown = {*entry.refuses} - {*FEATURES, *TASKS}
-    assert not unknown, f"`refuses` names {', '.join(sorted(unknown))}; choose from {', '.join((*FEATURES, *TASKS))}"
+    assert not unknown, (
+        f"`refuses` names unknown features: {', '.join(sorted(unknown))}; choose from {', '.join((*FEATURES, *TASKS))}"
+    )
     both = {*entry.refuses} & {task.__name__ for task in entry.tasks}
     assert not both, f"`tasks` and `refuses` both name {', '.join(sorted(both))}"
     assert all(why.strip() for why in entry.refuses.values()), "`refuses` must give a reason for each feature"
@@ -43,7 +45,7 @@ def test_it_takes_something_and_gives_nothing_that_it_lacks(loaded: Loaded, give
     assert loaded.quantities
     every = replace(given, wanted=frozenset((*given.wanted, *loaded.engine.lacks)))
     given_though = {*loaded.ask(every).values} & {*loaded.engine.lacks}
-    assert not given_though, f"the engine computes {', '.join(sorted(given_though))}; remove this from `lacks`"
+    assert not given_though, f"`lacks` names quantities that the engine computes: {', '.join(sorted(given_though))}"
 
 
 def test_another_number_of_independent_coordinates_is_refused(loaded: Loaded, given: Problem) -> None:

@@ -15,7 +15,7 @@ from screwgauge.reference.errors import ModelFileError
 from screwgauge.report.verdict import verdict
 from screwgauge.solution import Solution
 
-LINEAR = 1e-9  # largest difference between tree forces from states and from the motion, as share of the largest force
+LINEAR = 1e-9  # largest difference between tree forces from states and from the motion, relative to the largest force
 #: Established problems, and end times of their integration [s].
 SIMULATED = {"a01-pendulum": 0.2, "a03-andrews-ivp": 0.003, "cart-pole": 0.2}
 

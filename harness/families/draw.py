@@ -1,4 +1,4 @@
-"""Random mechanisms in motion, by family and seed."""
+"""Random mechanisms with motions, chosen by family and seed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from screwgauge.scene.scene import Scene
 
 SAMPLES = 5
 AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate with the largest motion
-FASTEST = 10.0  # largest motion of any coordinate per unit motion of independent or actuated coordinates
+FASTEST = 10.0  # largest rate of any coordinate per unit rate of the independent or actuated coordinates
 POSES = 41  # number of samples at which a motion is checked
 
 
@@ -44,7 +44,7 @@ def _folder() -> TemporaryDirectory[str]:
 
 
 def random(seed: int, family: str | None = None, folder: Path | None = None) -> Scene:
-    """Draw a random mechanism in a random motion away from singular poses.
+    """Draw a random mechanism with a random motion away from singular poses.
 
     At a singular pose the independent coordinates do not determine the motion; the motion may still pass poses at which
     the actuators do not determine it. Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias,
@@ -53,8 +53,8 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
     Args:
         seed: Random seed; the same seed gives the same mechanism.
         family: One of `families()`; by default the seed chooses among the families common to all versions.
-        folder: Directory for the TOML files of description and scene, which any command reads; by default they are
-            deleted when the process ends.
+        folder: Directory for the TOML files of description and scene, which any command can read; by default they
+            are deleted when the process ends.
 
     Raises:
         ScrewgaugeError: The family is unknown, or the seed is invalid.
@@ -71,7 +71,7 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
         rng = np.random.default_rng([seed, crc32(family.encode()), draw])
         if drawn := _draw(rng, family, folder / f"{family}-{seed}.toml", draw):
             return drawn
-    raise RuntimeError(f"no regular {family} in 1000 draws from seed {seed}")
+    raise RuntimeError(f"1000 draws of {family} with seed {seed} gave no mechanism away from singular poses")
 
 
 def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Scene | None:
@@ -146,7 +146,7 @@ def _drive(sketch: Sketch, K: Array) -> list[int]:
 
 
 def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> Tables | None:
-    """Draw a few sines about the home pose, as large as good conditioning of all poses permits."""
+    """Draw a few sines about the home pose, as large as possible with all poses well conditioned."""
     home = mechanism.home[mechanism.independent_columns]
     sines = [rng.normal(size=(2, 3)) for _ in home]
     mode = AssemblyMode(layout(mechanism), strict=True)

@@ -32,7 +32,7 @@ def _freedoms(kinds: str) -> int:
 
 
 def _draw_kinds(s: Sketch, kinds: str, low: int, high: int) -> str:
-    """Draw between `low` and `high` - 1 joint kinds; repeated letters are more likely."""
+    """Draw between `low` and `high` - 1 of the joint kinds; kinds that `kinds` repeats are more likely."""
     return "".join(s.rng.choice(list(kinds), size=s.rng.integers(low, high)))
 
 
@@ -59,14 +59,14 @@ def _ladder(s: Sketch) -> None:
 
 
 def _loop(s: Sketch, kinds: str) -> None:
-    """Draw joints in general position."""
+    """Draw a loop of joints in general position."""
     points = _ring(s, len(kinds), 0.6)
     s.chain(kinds[:-1], GROUND, "end", points[:-1])
     s.join(kinds[-1], "end", GROUND, points[-1])
 
 
 def _mixed_loop(s: Sketch) -> None:
-    """Draw a loop of any joints with one or two degrees of freedom."""
+    """Draw a loop with joints of mixed kinds and with one or two degrees of freedom."""
     kinds = ""
     while _freedoms(kinds) not in (7, 8) or kinds.count("P") + kinds.count("C") > 3:
         kinds = _draw_kinds(s, "RRRPUSC", 3, 8)
@@ -130,7 +130,7 @@ def _serial(s: Sketch, kinds: str = "") -> None:
 
 
 def _gear_train(s: Sketch) -> None:
-    """Draw an open chain or tree with couplings by which one or two coordinates determine all the rest."""
+    """Draw an open chain or tree in which couplings make all coordinates depend on one or two of them."""
     free = int(s.rng.integers(1, 3))
     _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _draw_kinds(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
@@ -172,7 +172,7 @@ def _ends(s: Sketch, n: int, size: float = 0.6) -> list[tuple[Array, Array]]:
 
 
 def _legs(s: Sketch, n: int, kinds: str, driven: int) -> None:
-    """Draw n legs of one kind; move the inner joints of legs without an actuated slide off the straight line."""
+    """Draw n legs of one kind; unless they have an actuated slide, move their inner joints off the straight line."""
     for foot, head in _ends(s, n):
         between = [foot + (head - foot) * k / (len(kinds) - 1) for k in range(1, len(kinds) - 1)]
         bent = [point + 0.4 * s.unit() * (kinds[driven] != "P") for point in between]
@@ -180,7 +180,7 @@ def _legs(s: Sketch, n: int, kinds: str, driven: int) -> None:
 
 
 def _ups(s: Sketch, n: int, middle: str = "") -> None:
-    """Draw n UPS legs around a passive leg."""
+    """Draw n UPS legs around an optional passive leg."""
     _legs(s, n, "UPS", 1)
     if middle:
         heights = 0.9 * np.arange(len(middle)) / max(len(middle) - 1, 1)
@@ -188,7 +188,7 @@ def _ups(s: Sketch, n: int, middle: str = "") -> None:
 
 
 def _n_ups(s: Sketch) -> None:
-    """Draw as many UPS legs as the middle leg has degrees of freedom."""
+    """Draw as many UPS legs as the passive middle leg has degrees of freedom; six if there is no middle leg."""
     middle = str(s.rng.choice(["S", "UP", "UPR", "UPU", ""]))
     _ups(s, _freedoms(middle) or 6, middle)
 

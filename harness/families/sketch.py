@@ -1,4 +1,4 @@
-"""Sketch of a mechanism at its home pose by joint points and axes in the world frame, and its description."""
+"""Sketches a mechanism at its home pose by joint points and axes in the world frame, and generates its description."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Placed:
 
     @property
     def freedoms(self) -> list[tuple[bool, Array]]:
-        """Pairs of a flag, True for rotation, and an axis, one pair per degree of freedom; C has two on one axis."""
+        """A pair for each degree of freedom: True for rotation, and its axis. The pairs of a C joint share an axis."""
         turns = KINDS[self.kind]
         return [(turn, self.axes[min(i, len(self.axes) - 1)]) for i, turn in enumerate(turns)]
 
@@ -43,7 +43,7 @@ class Placed:
         return float(np.arctan2(np.cross(normal, third) @ second, normal @ third))
 
     def before(self, home: Array, W: Array) -> tuple[Array, Array, Array]:
-        """Return the axes at zero coordinates, and the rotation and displacement from there to the home coordinates.
+        """Return the axes at zero coordinates, and the rotation and displacement from zero to the home coordinates.
 
         Args:
             W: Rotation of the sketch.
@@ -74,7 +74,7 @@ class Sketch:
         rng: Source of all randomness.
         joints: Joints placed so far.
         ties: Couplings about the home pose, row -> {row: (slope, bend)}: a coordinate moves by the sum of slope x +
-            bend x^2 over the coordinates that move by x. Rows count all coordinates, joint by joint.
+            bend x^2 over the coordinates that move by x. A row is the index of a coordinate among those of all joints.
     """
 
     rng: np.random.Generator
@@ -142,7 +142,7 @@ class Sketch:
         return [0, *np.cumsum([len(KINDS[joint.kind]) for joint in self.joints]).tolist()]
 
     def tie(self, row: int, *leads: int) -> None:
-        """Couple a coordinate with similar speed: linearly to all leads, or (in half the cases) nonlinearly to one."""
+        """Couple a coordinate to `leads` at similar speed; a coupling to one lead is nonlinear in half the cases."""
         self.ties[row] = {}
         for of in leads:
             slope = self.rng.uniform(0.3, 1.5) * self.rng.choice([-1, 1])
@@ -191,8 +191,8 @@ def unused(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("",
 def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
     """Make a description with random frames, bodies and names, in random order.
 
-    One description in four is plain: its frames are parallel to the world frame and its home coordinates zero, so that
-    its numbers close redundant loops exactly.
+    One description in four is plain: its frames are parallel to the world frame and its home coordinates are zero, so
+    that its numbers close redundant loops exactly.
 
     Returns:
         The tables without ``independent``, and the coordinate names of each joint, in the sketch's order.

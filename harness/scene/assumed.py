@@ -18,14 +18,14 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.idle import Freedom
 from screwgauge.scene.scene import Scene
 
-#: Number of samples examined; perturbation of coordinates and rates there [rad or lengths of the mechanism, per s].
+#: Number of samples examined; perturbation of their coordinates and rates [rad or lengths of the mechanism, per s].
 MOST, AWAY = 8, 0.1
 #: Largest relative change of forces that counts as zero.
 NOTHING = 1e-9
 
 
 def assumptions(scene: Scene) -> tuple[str, ...]:
-    """Return a sentence for each coordinate that no actuator drives: its start, motion, and effect on the actuators."""
+    """Return a sentence for each coordinate that no actuator drives: start, motion, and effect on actuator forces."""
     if not scene.undriven:
         return ()
     numbers = tuple(one.number for one in scene.undriven)
@@ -41,11 +41,11 @@ def _sentence(scene: Scene, one: Freedom) -> str:
     unit = mechanism.units[mechanism.independent_columns[one.number]]
     at = f"{one.start:.6g} {unit}"
     if one.rests:
-        return f"No actuator drives '{one.label}', and it has no inertia: it rests at {at}."
+        return f"No actuator drives '{one.label}', which has no inertia and is therefore assumed to rest at {at}."
     if scene.grid is not None:
         return f"No actuator drives '{one.label}': it rests at {at} in each cell and accelerates under the forces."
     start = f"{at} at {one.rate:.6g} {unit}/s, {'as set in the scene' if one.chosen else 'without momentum along it'}"
-    return f"No actuator drives '{one.label}': its motion follows from the forces, starting at {start}."
+    return f"No actuator drives '{one.label}': its motion follows from the forces, starting from {start}."
 
 
 def check_rest(scene: Scene) -> None:
@@ -70,7 +70,7 @@ def check_rest(scene: Scene) -> None:
 
 @lru_cache(maxsize=1)  # the arguments are immutable
 def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: tuple[int, ...]) -> frozenset[int]:
-    """Select coordinates along which no force acts, and whose motion changes no actuator force."""
+    """Select the coordinates along which no force acts and whose motion does not change any actuator force."""
     rows: Rows = spread(len(motion), MOST)
     some = motion.part(rows)
     at = _at(mechanism, some, applied)
@@ -100,7 +100,7 @@ def _at(mechanism: Mechanism, motion: GivenMotion, applied: Applied) -> ClosedMo
 
 
 def _along(at: ClosedMotion, numbers: tuple[int, ...]) -> tuple[Array, float]:
-    """Return forces along motions that move no actuator, if these motions do not accelerate; and the largest force."""
+    """Return forces along motions that move no actuator, for zero acceleration along them; and the largest force."""
     ydd = at.ydd * ~np.isin(np.arange(at.ydd.shape[1]), numbers)
     still = ClosedMotion(at.loops, at.q, at.yd, ydd, at.applied, at.t)
     unit = at.loops.sizes[at.loops.y_columns]

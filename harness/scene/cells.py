@@ -1,4 +1,4 @@
-"""Cells of a grid of poses that can be reached from home, ordered so that each cell is adjacent to an earlier cell."""
+"""Cells of a pose grid that can be reached from the home pose, ordered so that each is adjacent to an earlier cell."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NOT_REACHED = "the loops do not close there, or a singular pose lies between thi
 
 
 Closed = tuple[Array, ...]
-"""Closed poses of cells: dimensionless unknowns z, shape (n, n_z), their rates K per rate of y, shape (n, n_z, k), and
+"""Closed poses of cells: dimensionless unknowns z, shape (n, n_z), the derivatives K = dz/dy, shape (n, n_z, k), and
 the closing system, shape (n, m, n_z').
 """
 
@@ -53,12 +53,12 @@ def examine(
     """Close the loops at all cells that can be reached from the home pose, moving from cell to cell.
 
     Args:
-        y: Independent coordinates of the cells, the last axis running fastest [rad or m]. Shape (n, k).
+        y: Independent coordinates of the cells, with the last axis varying fastest [rad or m]. Shape (n, k).
         counts: Number of cells along each axis.
         undriven: Indices of coordinates that actuators need not drive.
 
     Returns:
-        The reason why each cell has no results, empty if it has results; pairs of connected cells; the first cell.
+        For each cell, the reason why it has no results, or ""; pairs of connected cells; the first cell.
     """
     lay = check_home(mechanism)
     mode, sides = AssemblyMode(lay, strict=True), edges(counts)
@@ -86,7 +86,7 @@ def examine(
 
 
 def _first(mode: AssemblyMode, y: Array, nearest: Rows) -> tuple[int, Array] | None:
-    """Find a cell that can be reached from the home pose, and its unknowns. Shape (n_z,)."""
+    """Find a cell that can be reached from the home pose; return its index and unknowns, shape (n_z,)."""
     for row in nearest[:FIRST].tolist():
         mode.restart()
         try:
@@ -100,7 +100,7 @@ def _first(mode: AssemblyMode, y: Array, nearest: Rows) -> tuple[int, Array] | N
 def _flood(
     system: LoopEquations, y: Array, first: tuple[int, Array], sides: tuple[Rows, Rows]
 ) -> tuple[NDArray[np.bool_], Closed, Rows]:
-    """Advance from the cells reached last to their neighbours, until no more cells can be reached.
+    """Advance from the most recently reached cells to their neighbours until no more cells can be reached.
 
     Args:
         y: Dimensionless independent coordinates. Shape (n, k).
@@ -130,7 +130,7 @@ def _flood(
             known[reached] = True
             passed.append(np.stack([a[some], reached]))
         wave = np.flatnonzero(known & ~before)
-        if last := not len(wave) and not last:  # retry from all cells: the remaining ones are next to singular poses
+        if last := not len(wave) and not last:  # retry from all cells: the remaining cells are near singular poses
             wave = np.flatnonzero(known)
     return known, all_cells, np.concatenate(passed, axis=1)
 
@@ -146,7 +146,7 @@ def _rows(cells: Closed, rows: Rows) -> Closed:
 
 
 def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[np.bool_]]:
-    """Close the loops near predicted poses; return the poses, and True for each closed pose. (n, n_z), (n, k)."""
+    """Close the loops near predicted poses; return the poses, and True for each success. Shapes (n, n_z), (n, k)."""
     with np.errstate(all="ignore"):
         z, J, error, *more = newton(system.evaluate, z, y, most=NEWTON)
         K = velocity_map(J, y.shape[1])
@@ -156,7 +156,7 @@ def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[n
 def _advance(
     system: LoopEquations, at: Closed, way: tuple[Array, Array], pieces: int
 ) -> tuple[Closed, NDArray[np.bool_]]:
-    """Move straight from cells to their targets, piece by piece; return the poses, and True for successes. (n, k)."""
+    """Move from cells straight to target cells in steps; return the poses, and True for each success. Shape (n, k)."""
     step, good = (way[1] - way[0]) / pieces, np.ones(len(way[0]), dtype=bool)
     for i in range(1, pieces + 1):
         rows = np.flatnonzero(good)
@@ -171,7 +171,7 @@ def _advance(
 
 
 def _is_linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np.bool_]:
-    """Return True for steps that are short and follow the tangents at both ends. (n, n_z), (n, n_z, k), (n, k)."""
+    """Return True for short steps along the tangents at both ends. Shapes (n, n_z), (n, n_z, k), (n, k)."""
     size = np.abs(step).max(axis=1, initial=0.0)
     good = size <= LONGEST
     for K in tangents:
@@ -181,7 +181,7 @@ def _is_linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np
 
 
 def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[int]) -> list[str]:
-    """Return the reason why each closed pose has no results; empty if it has results.
+    """Return, for each closed pose, the reason why it has no results, or an empty string.
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
@@ -191,7 +191,7 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
     at, (low, high) = motion_at(lay, q, np.zeros((len(q), len(mechanism.independent)))), mechanism.limits.T
     sizes, conditions = at.loops.sizes, list[tuple[Array, str]]()
     if matrix is not None:
-        conditions.append((linear.inverted_along(matrix)[1], "its loops do not determine the motion"))
+        conditions.append((linear.inverted_along(matrix)[1], "the loops do not determine the motion"))
     given = [k for k in range(len(mechanism.independent)) if k not in undriven]
     if given and len(mechanism.actuators) >= len(given):
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
@@ -199,7 +199,7 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
         rates = np.linalg.svd(driven, compute_uv=False)  # compare a single rate with 1
         with np.errstate(divide="ignore"):
             share = np.maximum(rates[:, 0], 1.0) / rates[:, -1]
-        conditions.append((share, "its actuators do not determine the motion"))
+        conditions.append((share, "the actuators do not determine the motion"))
     for condition, why in conditions:
         for i in np.flatnonzero(~(condition <= SINGULAR)).tolist():
             found[i] = found[i] or f"the pose is singular: {why}"
@@ -213,7 +213,7 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
 def walk(
     counts: Sequence[int], wanted: NDArray[np.bool_], ways: tuple[Rows, Rows], first: int
 ) -> tuple[Rows, Rows, Rows]:
-    """Order the cells so that each is adjacent to an earlier cell: along the last axis, then on to the next row.
+    """Order the cells so that each is adjacent to an earlier cell, moving along the last axis where possible.
 
     Args:
         wanted: True for cells that have results; the path may pass through other cells. Shape (n,).
@@ -221,8 +221,8 @@ def walk(
         first: Cell at which the path begins.
 
     Returns:
-        Cells in order; cells of the whole path, including backtracking; and the index on the path at which each cell is
-        first reached.
+        The cells in order; the cells along the whole path, including backtracking; and the index on the path at which
+        each cell is first reached.
     """
     beside: list[dict[int, int]] = [{} for _ in wanted]  # difference in index -> the adjacent cell
     for a, b in zip(*(side.tolist() for side in ways), strict=True):

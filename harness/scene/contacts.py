@@ -1,4 +1,4 @@
-"""Contacts of a scene: joints to ground that exist during the whole scene, in addition to those of its description."""
+"""Contacts: joints between bodies and ground that a scene adds to its mechanism for its whole duration."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class Contact:
 
     @property
     def held(self) -> Array:
-        """Directions about which the contact prevents rotation, as columns in the frame of the body. Shape (3, n)."""
+        """Directions of the body that the contact keeps constant, as columns in its frame. Shape (3, n)."""
         return {"weld": np.eye(3), "hinge": self.axis[:, None], "point": np.zeros((3, 1))}[self.kind]
 
     def joint(self, R: Array, p: Array) -> Joint:
-        """Return the joint from ground to the body at a pose, shapes (3, 3), (3,). A weld uses world axes."""
+        """Return the joint between ground and the body at a pose, shapes (3, 3), (3,). A weld uses world axes."""
         kind, place = CONTACTS[self.kind], p + R @ self.point
         n, turned = len(KINDS[kind]), (np.eye(3), R.T) if self.kind == "weld" else (R, np.eye(3))
         return Joint(
@@ -80,8 +80,8 @@ def read_contact(mechanism: Mechanism, table: Any, where: str) -> Contact:
     """Read an entry of ``[[contacts]]``.
 
     Raises:
-        ScrewgaugeError: A name or kind is unknown, a name is taken, an axis is invalid, or a contact other than a hinge
-            has an axis.
+        ScrewgaugeError: A name or kind is unknown, a name is already in use, an axis is invalid, or a contact other
+            than a hinge has an axis.
     """
     given = read_keys("contacts", table, where)
     body, kind = check_name("body", given["body"], [body.name for body in mechanism.bodies], where), given["kind"]
@@ -107,13 +107,13 @@ def read_contacts(mechanism: Mechanism, data: dict[str, Any], where: str) -> tup
     if contacts and (models := data.get("models")):
         files = first_few([str(file) for file in models.values()], SHOWN)
         what = f"contacts {first_few(names, SHOWN)} are not in {files}"
-        remedy = "use generated model files, or describe the contacts as joints in mechanism and files"
+        remedy = "use generated model files, or describe the contacts as joints in the mechanism and the model files"
         raise DescriptionError(what, f"{where}, models", remedy)
     return contacts
 
 
 def add_contacts(mechanism: Mechanism, contacts: Sequence[Contact], q: Array, where: str) -> Mechanism:
-    """Return the mechanism with contacts; its home pose has the given joint coordinates, shape (n_q,).
+    """Return the mechanism with contacts and with the given joint coordinates as its home pose, shape (n_q,).
 
     A weld of a body on a free joint locks the coordinates of that joint instead of closing a loop.
     """
@@ -140,13 +140,13 @@ def _exact(R: Array) -> Array:
 def choose_independent(
     touching: Mechanism, mechanism: Mechanism, named: Sequence[str], where: str
 ) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return label -> independent coordinate under contacts, and the named coordinates that are dependent.
+    """Return label -> independent coordinate of a mechanism with contacts, and the named coordinates left dependent.
 
-    Named coordinates are preferred, then actuated coordinates, other labels of the description, contacts, and the base
-    pose.
+    The order of preference is: named coordinates, actuated coordinates, other independent coordinates of the
+    description, contacts, coordinates of the base.
 
     Raises:
-        ScrewgaugeError: Contacts leave no degree of freedom, or start at a singular pose.
+        ScrewgaugeError: The contacts leave no degree of freedom, or attach at a singular pose.
     """
     K, names = motions(touching)[0], touching.coordinates
     if not K.shape[1]:
@@ -154,8 +154,8 @@ def choose_independent(
             "the contacts leave no degree of freedom", where, "remove a contact, or set its kind to 'point'"
         )
     if why := why_singular(touching):
-        remedy = "start the motion with bent legs: contacts hold the bodies where they are at the start"
-        raise SingularPoseError(f"contacts begin at a singular pose: {why}", where, remedy)
+        remedy = "start the motion with bent legs, because contacts hold the bodies where they are at the start"
+        raise SingularPoseError(f"the contacts attach at a singular pose: {why}", where, remedy)
     labels = {**{name: name for name in touching.moving}, **mechanism.independent}
     base = {name for joint in mechanism.joints if not joint.constrains for name in joint.coordinates}
     first = [names.index(labels[label]) for label in named]
@@ -169,7 +169,7 @@ def choose_independent(
 
 
 def _first_of(K: Array, tiers: Iterable[tuple[Sequence[int], float]]) -> list[int]:
-    """Select rows, in order, of which more than a given share is independent of rows selected before. (n, k) -> k."""
+    """Select rows by priority, if a given share of the row is independent of rows already selected. (n, k) -> k."""
     rest, sizes, chosen = K.copy(), np.linalg.norm(K, axis=1), list[int]()
     for rows, least in tiers:
         for row in rows:

@@ -1,4 +1,4 @@
-"""Generated scenes: exciting motions, default scenes of descriptions and model files, and their text.
+"""Generated scenes: exciting motions, and default scenes for descriptions and model files as TOML.
 
 A persistently exciting motion is a sum of sines for every independent coordinate, as large as limits and singular poses
 allow, and so fast that inertial forces are about as large as gravity and loads. Module `read` reads scenes from files.
@@ -42,25 +42,25 @@ from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
 
-CLOSEST = 1e2  # multiple of |J^-1| at home from which a motion is not followed any closer to a singular pose
+CLOSEST = 1e2  # multiple of |J^-1| at home beyond which a motion is not followed closer to a singular pose
 SINGULAR = "it would approach a singular pose"
 WORSE = 4.0  # largest acceptable ratio of a condition number to that of the home pose
 STEEPEST = 1.2  # largest second angle of an S joint [rad], well before its lock
 #: Amplitudes of the coordinate that moves most [rad or lengths of the mechanism]; the first suitable one is used.
 AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
-SINES = 3  # number for each coordinate
+SINES = 3  # number of sines for each coordinate
 SAMPLES = 101
 NAMED = 4  # number of joints named in a sentence
 PART = 12  # number of samples tracked before screening
-PERIODS = 2.0 * SINES  # number of periods of a sine with the usual frequency, which are two of the slowest sine
+PERIODS = 2.0 * SINES  # number of periods at the usual frequency, equal to two periods of the slowest sine
 
 
 def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
-    """Describe what stops a motion from home: limits, or poses much worse conditioned than home; empty if nothing.
+    """Describe the obstacle to a motion from home: limits, or poses much worse conditioned than home; empty if none.
 
     Args:
         mode: Assembly mode that follows the motion strictly, and reuses poses that it has followed before.
-        part: Number of samples tracked before screening; finding the end of a path takes a long time.
+        part: Number of samples tracked before screening; a small number saves long searches for the end of a path.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -84,10 +84,10 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
 
 
 def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
-    """Return a copy of the scene, at new times, with a motion from home that excites as much inertia as possible.
+    """Return a copy of the scene with new times and a motion from home that excites as much inertia as possible.
 
     Args:
-        seed: Seed of the motion, which appears in name and title.
+        seed: Seed of the motion; part of the scene's name and title.
         samples: Number of samples; `SAMPLES` samples cover the whole motion.
         largest: Amplitude to try first [rad or lengths of the mechanism].
 
@@ -141,8 +141,8 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
             stopped = error.what
         if not stopped:
             return _moving(scene, seed, tables, drive, t)
-    least = f"{AMPLITUDES[-1]:.1g} rad or lengths"
-    what = f"no motion of {least} about home stays within the limits and away from singular poses: {stopped}"
+    least = f"{AMPLITUDES[-1]:.1g} (rad or lengths of the mechanism)"
+    what = f"not even a motion of {least} about home stays within the limits and away from singular poses: {stopped}"
     raise DescriptionError(what, mechanism.where, "widen the limits, or choose another home pose")
 
 
@@ -172,7 +172,7 @@ def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Foll
 
 
 def _sines(rng: np.random.Generator, heights: Array) -> Array:
-    """Draw sines of each coordinate, rows [omega, cos, sin]: distinct frequencies, random phases, zero sum at t = 0."""
+    """Draw sines for each coordinate: rows [omega, cos, sin], distinct frequencies, random phases, sum 0 at t = 0."""
     sines = np.empty((len(heights), SINES, 3))
     for rows, height in zip(sines, heights, strict=True):
         cos = np.full(SINES, 2.0)
@@ -202,7 +202,7 @@ SUFFIX = ".scene.toml"
 
 
 def scene_file(path: Path) -> Path:
-    """Return the scene file that a path stands for: the path itself, or the scene of a description or model file.
+    """Return the scene file for a path: the path itself, or the scene of a description or model file.
 
     A model file, or a description without a scene in its folder, gets the default scene, in a folder removed at the end
     of the process.
@@ -307,7 +307,7 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
 
 
 def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, options: Options) -> Path:
-    """Write the scene of a Pinocchio model to a temporary folder of the process; see `screwgauge.import_model`.
+    """Write the scene of a Pinocchio model to a temporary folder; see `screwgauge.import_model`.
 
     Raises:
         ScrewgaugeError: `model` is not a Pinocchio model, or no scene can be made from it.
@@ -333,7 +333,7 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
         The paths of the description and the scene.
 
     Raises:
-        OutputError: The files cannot be written, or an existing file was changed or written by something else.
+        OutputError: A file cannot be written, or exists and was edited or was not written by this program.
         ScrewgaugeError: No scene can be made.
     """
     if file.suffix != ".toml":

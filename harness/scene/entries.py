@@ -65,7 +65,7 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     if given["times"] is not None:
         if not isinstance(given["times"], list) or len(table) > 1:
             raise DescriptionError(
-                "'times' must be a list, without other keys", where, "write times = [...], or duration and step"
+                "'times' must be a list and the only key", where, "write times = [...], or duration and step"
             )
         return read_times(given["times"], f"{where}.times")
     for key in ("duration", "step"):
@@ -132,11 +132,15 @@ def read_load(mechanism: Mechanism, table: Any, where: str, folder: Path = Path(
     given = read_keys("loads", table, where)
     on, by, point = given["on"], given["by"], given["point"]
     if (on == "environment") == (by == "environment"):
-        raise DescriptionError(f"on = '{on}', by = '{by}'", where, "set one to a body and the other to 'environment'")
+        raise DescriptionError(
+            f"exactly one of on = '{on}' and by = '{by}' must be 'environment'",
+            where,
+            "set one to a body and the other to 'environment'",
+        )
     body, sign = (on, 1.0) if by == "environment" else (by, -1.0)
     check_name("body", body, [*(each.name for each in mechanism.bodies), "environment"], where)
     if not {"force", "torque"} & table.keys():
-        raise DescriptionError("the load exerts nothing", where, "add a force or a torque")
+        raise DescriptionError("the load has neither a force nor a torque", where, "add a force or a torque")
     at = None if point == "com" else vector(point, f"{where}.point")
     if not any(isinstance(x, dict) for key in ("force", "torque") for x in _as_list(table.get(key))):
         force, torque = (sign * read_vector(table, key, where) for key in ("force", "torque"))
@@ -166,7 +170,7 @@ def _components(table: dict[str, Any], key: str, where: str, folder: Path) -> It
 
 
 def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
-    """Read a spring and damper along a joint coordinate, or on the line between points of two bodies.
+    """Read a spring and damper along a joint coordinate, or along the line between points of two bodies.
 
     Raises:
         ScrewgaugeError: A name is unknown, stiffness, damping or length is negative, or stiffness and damping are zero.
@@ -184,7 +188,7 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     except DescriptionError as error:
         raise DescriptionError(error.what, error.where if where in error.where else where, error.remedy) from None
     if not (spring.stiffness or spring.damping):
-        raise DescriptionError("the spring exerts nothing", where, "add a stiffness or a damping")
+        raise DescriptionError("the spring has neither stiffness nor damping", where, "add stiffness or damping")
     if isinstance(spring, JointSpring):
         check_name("coordinate", spring.coordinate, mechanism.moving, where)
     else:
@@ -198,7 +202,7 @@ def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
     coordinate = check_name("coordinate", read_keys("motors", table, where)["coordinate"], mechanism.moving, where)
     terms = {key: value for key, value in table.items() if key != "coordinate"}
     if not terms:
-        raise DescriptionError("the motor exerts nothing", where, "add offset, polynomial or harmonics")
+        raise DescriptionError("the motor has no terms", where, "add offset, polynomial or harmonics")
     return Motor(coordinate, read_course(terms, where))
 
 

@@ -1,7 +1,7 @@
 """A grid of poses as a motion: all cells reached from home, each at rest, in an order that keeps the assembly mode.
 
-When a scene is read, cells that no engine could solve are found and reported: those where the loops do not close, the
-pose is singular, or a joint exceeds its limits.
+When a scene is read, cells are reported that no engine could solve because the loops do not close, the pose is
+singular, or a joint exceeds its limits.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Missing:
 
     Attributes:
         cell: Index along each axis.
-        pose: Description of the coordinates.
-        reason: Reason for missing results.
+        pose: Values of the coordinates, as text.
+        reason: Reason why the cell has no results.
     """
 
     cell: Cell
@@ -91,13 +91,13 @@ class GridMotion:
 
     @property
     def extent(self) -> str:
-        """Sentence with the number of cells, and the assumptions about the cells."""
+        """Sentence with the number of cells, and the assumptions about them."""
         n = len(self.missing) + len(self.cells)
-        return f"{len(self.cells)} of {n} cells, each at rest; t numbers the cells in the order of a walk from home"
+        return f"{len(self.cells)} of {n} cells, each at rest; t numbers the cells along a walk from the home pose"
 
     @property
     def told(self) -> list[str]:
-        """Lines that list every cell without results, by reason."""
+        """Lines that list every cell without results, grouped by reason."""
         poses = dict[str, list[str]]()
         for one in self.missing:
             poses.setdefault(one.reason, []).append(one.pose)
@@ -105,11 +105,11 @@ class GridMotion:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warning about cells without results; empty if all have results."""
+        """Warning about cells without results; empty if all cells have results."""
         if not self.missing:
             return ()
         first, n = self.missing[0], len(self.missing) + len(self.cells)
-        told = f"{len(self.missing)} of {n} cells of the grid have no values (the report lists all); the first is"
+        told = f"{len(self.missing)} of {n} cells of the grid have no values (the report lists them all); the first is"
         return (f"{told} {first.pose}: {first.reason}",)
 
 
@@ -119,7 +119,7 @@ def is_grid(table: Any, mechanism: Mechanism) -> bool:
 
 
 def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) -> GridMotion:
-    """Read ``[motion.grid]``; all remaining coordinates keep a constant ``offset``, or their home value.
+    """Read ``[motion.grid]``; all remaining coordinates keep a constant ``offset`` or their home value.
 
     Raises:
         ScrewgaugeError: The grid cannot be read, or none of its cells can be reached from the home pose.
@@ -147,9 +147,12 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
     reasons, ways, first = examine(mechanism, y, counts, [one.number for one in freedoms])
     order, path, reached = walk(counts, np.array([not why for why in reasons]), ways, first)
     for row in {*range(len(y))} - {*order.tolist()}:
-        reasons[row] = reasons[row] or "it cannot be reached from home through neighbouring cells"
+        reasons[row] = reasons[row] or "the cell cannot be reached from the home pose through neighbouring cells"
     if not len(order):
-        what = f"no cell has values; the cell nearest to home, {mechanism.described(y[first])}: {reasons[first]}"
+        what = (
+            f"no cell has values; for the cell nearest to home, {mechanism.described(y[first])}, "
+            f"the reason is: {reasons[first]}"
+        )
         raise DescriptionError(what, f"{where}.{KEY}", "move or refine the grid")
     lost = [
         Missing(tuple(cells[row].tolist()), mechanism.described(y[row]), why) for row, why in enumerate(reasons) if why
@@ -186,7 +189,7 @@ def check_timeless(data: Collection[str], applied: Applied, where: str) -> None:
     timed += ["motors"] * any(not motor.course.constant for motor in applied.motors)
     timed += ["loads"] * any(load.courses for load in applied.loads)
     if timed:
-        raise DescriptionError(f"'{timed[0]}' depends on time, and a grid has no time", where, "remove it")
+        raise DescriptionError(f"'{timed[0]}' depends on time, but a grid has no time", where, "remove it")
 
 
 def _axis(entry: Any, where: str) -> Array:

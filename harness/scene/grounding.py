@@ -1,6 +1,6 @@
 """Attach a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
 
-Such a scene uses a separate description that extends the given one, so that engines, truth and judge treat the
+Such a scene uses a separate description that extends the given one, so that the engines and the judge treat the
 attachment like any other joint.
 """
 
@@ -31,7 +31,7 @@ from screwgauge.scene.grid import is_grid
 from screwgauge.scene.motion import moved_labels, read_drive
 from screwgauge.scene.scene import RULES
 
-#: Slip of a contact [lengths of the mechanism or rad]: closure residual, and the largest slip that encoders explain.
+#: Slip of a contact [lengths of the mechanism or rad]: rounding level, and the largest slip due to encoder errors.
 CLOSED, FARTHEST = 1e-9, 1e-2
 #: Number of names listed in a sentence.
 SHOWN = 6
@@ -52,12 +52,12 @@ def hold_to_ground(
         times: Function that reads the times of the scene.
 
     Returns:
-        The extended description; its mechanism, with a remark on each assumption; and the tables with a motion of the
-        coordinates that are then independent.
+        The extended description; its mechanism, with a remark on each assumption; and the tables with the motion of
+        only the coordinates that remain independent.
 
     Raises:
-        ScrewgaugeError: A contact cannot be read, contacts leave no degree of freedom or start at a singular pose, or
-            the motion would make a contact slip.
+        ScrewgaugeError: A contact cannot be read, the contacts leave no degree of freedom or attach at a singular
+            pose, or the motion would make a contact slip.
     """
     if "stance" in data and not data.get("contacts"):
         raise DescriptionError("'stance' needs a contact", str(path), "add [[contacts]], or remove stance")
@@ -93,7 +93,7 @@ def _in_contact(
     data: dict[str, Any],
     path: Path,
 ) -> tuple[Mechanism, list[str], dict[str, Any]]:
-    """Return the mechanism with contacts, its assumptions, and the tables without motions of dependent coordinates."""
+    """Return the mechanism with contacts, the assumptions, and the tables without motions of dependent coordinates."""
     where = f"{path}, contacts"
     stance = _stance(mechanism, start, data.get("stance", {}), f"{path}, stance")
     touching = add_contacts(mechanism, contacts, stance, where)
@@ -108,7 +108,7 @@ def _in_contact(
 
 
 def _drop_motion(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any]:
-    """Remove the motion or the start of given labels from the tables; a CSV file may keep them."""
+    """Remove the motion or the start of given labels from the tables; columns of a CSV file may remain."""
     if "forward" in data:
         start = {label: value for label, value in data["forward"].get("start", {}).items() if label not in labels}
         return {**data, "forward": {**data["forward"], "start": start}}
@@ -118,7 +118,7 @@ def _drop_motion(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any
 
 
 def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
-    """Let the ground hold the named coordinates of a floating base, unless other joints connect it to the ground."""
+    """Let the ground hold the named coordinates of a floating base unless other joints connect the base to ground."""
     joints = list[Joint]()
     for joint in mechanism.joints:
         free = not joint.constrains and joint.parent == GROUND and not _is_led_to(mechanism, joint)
@@ -130,13 +130,13 @@ def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
 def _said_of_base(base: Joint) -> str:
     """Return a sentence on the force that the prescribed motion of a base requires."""
     return (
-        f"the motion of {base.child} is given and no actuator drives it: actuator_force includes the force that the "
+        f"the motion of {base.child} is given and no actuator drives it, so actuator_force includes the force that the "
         f"ground would have to exert along {first_few(base.held, len(base.coordinates))}"
     )
 
 
 def _is_led_to(mechanism: Mechanism, base: Joint) -> bool:
-    """Return True if joints other than `base` connect its child with ground."""
+    """Return True if joints other than `base` connect its child to ground."""
     group = {name: name for name in mechanism.body_index}
     for joint in mechanism.joints:
         if joint is not base:
@@ -158,7 +158,7 @@ def _start(data: dict[str, Any], known: Collection[str], path: Path) -> dict[str
 def _moved_labels(
     mechanism: Mechanism, known: Collection[str], contacts: Sequence[Contact], data: dict[str, Any], path: Path
 ) -> list[str]:
-    """Return the names of the coordinates for which the scene gives a motion, in its order.
+    """Return the names of the coordinates for which the scene gives a motion, in the scene's order.
 
     Raises:
         ScrewgaugeError: The motion is missing, or a name is unknown.
@@ -178,7 +178,7 @@ def _motion(mechanism: Mechanism, labels: list[str], data: dict[str, Any], path:
 
 
 def _stance(mechanism: Mechanism, start: Mapping[str, float], table: Any, where: str) -> Array:
-    """Return all coordinates of the description without contacts, at the pose where contacts begin. Shape (n_q,).
+    """Return all coordinates of the description without contacts, at the pose where contacts attach. Shape (n_q,).
 
     Each coordinate has its value at the start of the motion, or else its value in ``[stance]``, or else its home value.
     """
@@ -199,14 +199,14 @@ def _stance(mechanism: Mechanism, start: Mapping[str, float], table: Any, where:
 def _assumption(contacts: Sequence[Contact]) -> str:
     """Return a sentence on the assumptions about contacts."""
     held = first_few([f"'{contact.name}' ({contact.kind} of {contact.body})" for contact in contacts], SHOWN)
-    return f"contacts hold bodies where they are at the start of the motion, and pull as well as push: {held}"
+    return f"these contacts hold bodies where they are at the start of the motion, and pull as well as push: {held}"
 
 
 def _rule_note(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
     """Yield a sentence on the rule for actuator forces if actuators can counteract each other through contacts."""
     if len(touching.actuators) > len(touching.independent) and "forward" not in data:
         yield (
-            f"with contacts, {len(touching.actuators)} actuators drive {len(touching.independent)} freedoms: they can "
+            f"with contacts, {len(touching.actuators)} actuators drive {len(touching.independent)} freedoms and can "
             f"strain the mechanism against the ground; the rule {data.get('rule', RULES[0])} determines their forces"
         )
 
@@ -223,7 +223,7 @@ def _follow(
     """Report given coordinates that depend on other coordinates, and how far the given motion makes contacts slip.
 
     Raises:
-        DescriptionError: A contact would slip farther than rounding or encoders explain.
+        DescriptionError: A contact would slip farther than rounding or encoder errors explain.
     """
     if not surplus:
         return []
@@ -249,7 +249,7 @@ def _follow(
     ]
     if not far:
         return [said]
-    sentence = f"{said}: the given motion would slide {first_few(far, SHOWN)}"
+    sentence = f"{said}; the given motion would slide {first_few(far, SHOWN)}"
     if ways.max() > FARTHEST:
         raise DescriptionError(sentence, where, f"remove {first_few(surplus, SHOWN)} from the motion, or correct it")
     return [sentence]
@@ -258,7 +258,7 @@ def _follow(
 def _slides(
     mechanism: Mechanism, touching: Mechanism, motion: GivenMotion, labels: Sequence[str], contacts: Sequence[Contact]
 ) -> Array:
-    """Return how far given coordinates shift the point of each contact [m] and turn its body [rad]. Shape (n, c, 2)."""
+    """Return how far the given motion shifts each contact point [m] and turns its body [rad]. Shape (n, c, 2)."""
     chosen = [labels.index(label) for label in touching.independent]
     y, yd, ydd = (x[:, chosen] for x in (motion.y, motion.yd, motion.ydd))
     q = positions(layout(touching), y, motion.t, (yd, ydd))[:, : len(mechanism.coordinates)]
@@ -278,7 +278,7 @@ def _slides(
 
 
 def _write(file: Path, mechanism: Mechanism, changed: Mechanism) -> Path:
-    """Write the description of a scene, which extends the given one, to a folder removed at the end of the process."""
+    """Write a scene's extension of the given description to a folder removed at the end of the process."""
     out = [f"extends = {value_text(str(file.resolve()))}", "", "[independent]", *lines(changed.independent)]
     for i, joint in enumerate(changed.joints):
         entries = joint_entries(joint)

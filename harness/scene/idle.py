@@ -26,11 +26,11 @@ from screwgauge.reference.tables import check_keys, required
 from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 
-#: Inertia below this share of the whole machine's inertia is rounding.
+#: Inertia below this share of the whole machine's inertia counts as rounding.
 NO_INERTIA = 1e-13
 #: Distance from home at which inertia is evaluated at additional poses [rad or lengths of the mechanism].
 ASIDE = 0.05
-#: Admitted interpolation error between samples, relative to the travel of a coordinate.
+#: Largest allowed interpolation error between samples, relative to the travel of a coordinate.
 COARSE = 1e-3
 
 
@@ -40,7 +40,7 @@ Start = Mapping[str, float | None]
 
 @dataclass(frozen=True, slots=True)
 class Freedom:
-    """Coordinate that no actuator drives, with its start.
+    """Coordinate that no actuator drives, with its initial state.
 
     Attributes:
         label, number: Name and index of the independent coordinate.
@@ -60,7 +60,7 @@ class Freedom:
 def read_given(
     table: Any, mechanism: Mechanism, folder: Path, where: str
 ) -> tuple[Analytic | Sampled, Array | None, tuple[str, ...]]:
-    """Read ``[motion]``: the motion as a function of time, times of a CSV file, and the coordinates that have a motion.
+    """Read ``[motion]``; return the motion as a function of time, times of a CSV file, and coordinates with a motion.
 
     Raises:
         DescriptionError: The motion cannot be read, or omits coordinates that actuators drive.
@@ -98,7 +98,7 @@ def check_driven(mechanism: Mechanism, labels: Sequence[str], where: str) -> Non
     if len(driven) < len(given):
         names = first_few((f"'{every[k]}'" for k in given if k not in driven), 4)
         raise DescriptionError(
-            f"no actuator drives {names}", where, "remove it from [motion]: its motion follows from the forces"
+            f"no actuator drives {names}", where, "remove them from [motion]: their motion follows from the forces"
         )
 
 
@@ -116,7 +116,7 @@ class Followed:
         given: Prescribed motion.
         labels: Coordinates with a prescribed motion.
         stated: Label of a coordinate that no actuator drives -> its entry in the scene.
-        since: Time at which the coordinates without actuator start [s].
+        since: Time at which the coordinates without an actuator start to move [s].
     """
 
     given: Analytic | Sampled
@@ -130,7 +130,7 @@ class Followed:
         """Return the motion at times [s]. Shape (n,).
 
         Raises:
-            ScrewgaugeError: The motion ends before a time, or its file has no sample at a time.
+            ScrewgaugeError: The motion ends before one of the times, or its file has no sample there.
         """
         motion = self.between(t)
         if not isinstance(self.given, Sampled):
@@ -186,7 +186,7 @@ class Followed:
     @cached_property
     def _motion(self) -> IdleMotion:
         if sampled := [load.body for load in self.applied.loads if load.sampled]:
-            what = f"coordinates without an actuator are integrated between the samples of the load on '{sampled[0]}'"
+            what = f"coordinates without an actuator need the load on '{sampled[0]}' between its samples"
             raise DescriptionError(
                 what, "loads", "define the load as a function of time, or give all coordinates a motion"
             )
@@ -204,7 +204,7 @@ class Followed:
         )
 
     def _inert(self, undriven: list[int]) -> list[int]:
-        """Select coordinates whose inertia is independent of coordinates selected before; all others rest."""
+        """Select as many coordinates as possible with a nonsingular inertia matrix; all others rest."""
         lay = layout(self.mechanism)
         unit = home_equations(lay).sizes[self.mechanism.independent_columns]
         total: Array | float = 0.0

@@ -1,4 +1,4 @@
-"""Keys of a scene file, defined in ``keys.toml``, from which scenes are read and a page of the guide is generated."""
+"""Reads scene files by the keys defined in ``keys.toml``; a page of the guide is also generated from these keys."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SHAPES: dict[str, Callable[[Any, str, str], Any]] = {
 
 
 def read_keys(name: str, table: Any, where: str) -> dict[str, Any]:
-    """Read a table of a scene file: each key with its value, its default, or None if it is optional.
+    """Read a table of a scene file; return key -> value, where a missing key has its default, or None if optional.
 
     Args:
         name: Name of the table in ``keys.toml``.
@@ -76,5 +76,5 @@ def _read(key: str, one: dict[str, Any], table: dict[str, Any], where: str) -> A
 
 
 def among(table: str, key: str) -> tuple[str, ...]:
-    """Return the names that a key accepts, the default first."""
+    """Return the names that a key accepts, starting with the default."""
     return tuple(TABLES[table]["keys"][key]["among"])

@@ -31,8 +31,8 @@ def read_columns(path: Path, wanted: list[str] | None = None, why: str = "") -> 
     """Read columns of a CSV or Parquet file without rounding; reject non-finite values. Shape (n,) each.
 
     Args:
-        wanted: Names of the columns; all by default.
-        why: Explanation for the error about a missing column.
+        wanted: Names of the columns; all columns by default.
+        why: Reason stated in the error about a missing column.
     """
     data = (read_parquet if path.suffix == ".parquet" else _csv)(path)
     columns: dict[str, Array] = {}
@@ -84,11 +84,11 @@ def _csv(path: Path) -> DataFrame:
 
 
 def _check_fields(text: str, where: str) -> None:
-    """Reject rows with more fields than columns are admitted: pandas takes a minute for a million fields."""
+    """Reject rows with too many fields, because pandas takes a minute for a million fields."""
     lines = [line.partition("#")[0] for line in text.splitlines()]
     check_count(max((line.count(",") + 1 for line in lines), default=0), "CSV columns", where)
     if any(line.count('"') % 2 for line in lines):
-        raise DescriptionError("a quoted text spans several lines", where, "write each row on one line")
+        raise DescriptionError("a quoted string spans several lines", where, "write each row on one line")
 
 
 def read_parquet(path: Path) -> DataFrame:
@@ -160,7 +160,7 @@ class Analytic:
 
 
 def _polynomial(coefficients: Array, t: Array) -> Array | float:
-    """Evaluate a polynomial by Horner's scheme, lowest coefficient first. Shapes (m,), (n,) -> (n,)."""
+    """Evaluate a polynomial, given by its coefficients from the lowest order up. Shapes (m,), (n,) -> (n,)."""
     value: Array | float = 0.0
     for c in coefficients[::-1].tolist():
         value = value * t + c
@@ -169,7 +169,7 @@ def _polynomial(coefficients: Array, t: Array) -> Array | float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """Motion from a CSV or Parquet file, at the times of the file only."""
+    """Motion from a CSV or Parquet file, defined only at the times in the file."""
 
     file: Path
     samples: GivenMotion
@@ -187,7 +187,7 @@ class Sampled:
         return self.samples.part(rows)
 
     def between(self, t: Array) -> GivenMotion:
-        """Interpolate the motion between samples by cubic splines through values and rates. Shape (n,)."""
+        """Return the motion at times [s], interpolated by cubic splines through values and rates. Shape (n,)."""
         from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
         one = self.samples
@@ -197,10 +197,10 @@ class Sampled:
         return GivenMotion(t, y(t), yd(t), CubicSpline(one.t, one.ydd)(t))
 
     def doubts(self, labels: Sequence[str]) -> tuple[str, ...]:
-        """Warn about columns that are not the derivative of their counterpart, e.g. because units or signs differ.
+        """Warn about rates that are not the derivative of their values, e.g. because of wrong units or signs.
 
-        A column is reported if its integral (trapezoidal rule) deviates from its counterpart by more than half of the
-        larger travel: either units or signs are wrong, or the sampling is too coarse.
+        A rate is reported if its integral (trapezoidal rule) deviates from the values by more than half of the larger
+        travel of the two: either units or signs are wrong, or the sampling is too coarse.
         """
         y, yd, ydd = (x.T for x in (self.samples.y, self.samples.yd, self.samples.ydd))
         sentences, h = [], np.diff(self.samples.t)
@@ -210,8 +210,8 @@ class Sampled:
                 moved, apart = np.abs(x - x[0]).max(), np.abs(x - x[0] - integral).max()
             if not apart <= max(moved / 2.0, np.abs(integral).max() / 2.0, _STILL):
                 sentences.append(
-                    f"{self.file.name}: {label}d{order} is not the derivative of {label}{order} (its integral is up to "
-                    f"{apart:.3g} off, {label}{order} moves by {moved:.3g}; check units, signs and step)"
+                    f"{self.file.name}: {label}d{order} is not the derivative of {label}{order} (its integral is off "
+                    f"by up to {apart:.3g}, and {label}{order} moves by {moved:.3g}; check units, signs and step)"
                 )
         return tuple(sentences)
 
@@ -278,7 +278,7 @@ def read_column(path: Path, column: str) -> Samples:
 
 
 def _read_samples(path: Path, labels: list[str]) -> tuple[Drive, Array]:
-    """Read a file with the column t, and for each coordinate a its value a, rate ad and second derivative add."""
+    """Read a file with the column t and, for each coordinate x, columns x, xd and xdd of its value and derivatives."""
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"

@@ -48,10 +48,10 @@ class Published:
     """A published result.
 
     Attributes:
-        who: Method or program, with its setting.
-        remark: Qualification of the numbers.
+        who: Method or program, with its settings.
+        remark: Note on the numbers.
         accuracy: Error of the `measure`, an observable [m or rad] or the energy [J]; NaN if not published.
-        cpu_s: Processor time on the machine of the publication [s]; NaN if not published.
+        cpu_s: CPU time on the authors' computer [s]; NaN if not published.
     """
 
     who: str
@@ -88,7 +88,7 @@ def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Re
     """Read ``[reference]``: a CSV file with t and the observables; additional columns are ignored."""
     given = read_keys("reference", table, where)
     if not names:
-        raise DescriptionError("the scene has no observables to compare it with", where, "add [[observables]]")
+        raise DescriptionError("the scene has no observables to compare", where, "add [[observables]]")
     path = named_file(folder, given["file"])
     columns = read_columns(path, ["t", *names], "the observables of the scene are required")
     return Recorded(columns.pop("t"), columns, file=path, source=given["source"])
@@ -180,7 +180,7 @@ class Header:
     def check_unit(self, unit: str, where: str) -> None:
         """Reject a unit that is neither the component's unit nor convertible to it."""
         if not self.of(self.quantity, unit):
-            remedy = f"convert it to {unit}, or drop the unit from the header: `review` then finds it"
+            remedy = f"convert it to {unit}, or omit the unit from the header and let `review` find it"
             raise DescriptionError(f"column '{self.text}' must be in {unit}", where, remedy)
 
 
@@ -195,12 +195,12 @@ def read_header(text: str) -> Header:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recorded:
-    """Numbers from the user: a solution by hand or by another program, or a recording.
+    """Numbers from the user: computed by hand, computed by another program, or recorded.
 
     Attributes:
         t: Times [s], increasing. Shape (n,).
         columns: Column header, as in a file (see ``harness/scenes/README.md``) -> values. Shape (n,) each.
-        error: Quantity -> error that its values may have in addition to the tolerances of the scene [unit of the
+        error: Quantity -> error allowed in its values in addition to the tolerances of the scene [unit of the
             quantity].
         file: File from which the numbers were read.
         header: Header of the time column in that file.
@@ -249,7 +249,7 @@ class Recorded:
     def _column(self, name: str) -> Array:
         values = self.columns[name]
         if np.shape(values) != (len(self.t),):
-            what = f"column '{name}' has shape {np.shape(values)}, for {len(self.t)} times"
+            what = f"column '{name}' has shape {np.shape(values)}, but there are {len(self.t)} times"
             raise DescriptionError(what, self.where, "pass one number per time")
         return numbers(values, f"column '{name}'", self.where)
 
@@ -276,7 +276,7 @@ def read_recorded(path: Path, error: Any = None) -> Recorded:
     """Read a table of recorded numbers from CSV or Parquet.
 
     Args:
-        error: Quantity -> error that its values may have [unit of the quantity].
+        error: Quantity -> error allowed in its values [unit of the quantity].
 
     Raises:
         DescriptionError: The file is not a table with times.
@@ -290,13 +290,13 @@ def read_recorded(path: Path, error: Any = None) -> Recorded:
         raise DescriptionError(what, str(path), "keep one column t with the times in s")
     (time,) = times
     if not time.of("", "s"):
-        raise DescriptionError(f"column '{time.text}' must be a time", str(path), "convert it to s, ms or us")
+        raise DescriptionError(f"column '{time.text}' must be in s, ms or us", str(path), "convert it to seconds")
     t = columns.pop(time.text) * time.factor
     return Recorded(t, columns, {} if error is None else error, path, time.text)
 
 
 def merge_times(t: Array, tables: Iterable[Recorded]) -> Array:
-    """Merge the times of a scene with additional times of its tables, in order. Shape (n,).
+    """Merge the times of a scene with additional times of its tables, in increasing order. Shape (n,).
 
     Raises:
         DescriptionError: A table has times before the first or after the last time of the scene.

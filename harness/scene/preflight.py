@@ -27,7 +27,7 @@ from screwgauge.scene.scene import Scene
 
 PART = 2048
 FAR = 0.25  # distance of the start from home that causes a warning [rad or lengths of the mechanism]
-FARTHEST = 1000.0  # largest distance between samples [rad or m]: following it takes thousands of steps, seconds
+FARTHEST = 1000.0  # largest distance between samples [rad or m]; following it takes thousands of steps, i.e. seconds
 NEAR = 1e-9  # distance from the singular pose at the end of a path within which a sample is singular [rad or lengths]
 
 
@@ -49,7 +49,7 @@ def check_scene(scene: Scene) -> Mobility:
 
 
 def far_from_home(scene: Scene) -> tuple[str, ...]:
-    """Warn if the motion starts far from home, e.g. because its values were meant relative to home."""
+    """Warn if the motion starts far from home, e.g. because its values are relative to the home pose."""
     mechanism, start = scene.mechanism, scene.motion.y[0]
     home = mechanism.home[mechanism.independent_columns]
     size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
@@ -82,7 +82,7 @@ def _walk(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
 def check_actuation(
     scene: Scene, freedoms: Mobility, quantities: Collection[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the quantities that the actuators determine, and a sentence on omissions if the user did not choose.
+    """Return the quantities that the actuators determine, and a sentence on any that are omitted by default.
 
     Raises:
         DescriptionError: No forces, or none that follow the rule, satisfy the equations of motion.
@@ -119,13 +119,13 @@ def _left_to_forces(mechanism: Mechanism, driven: int) -> str:
 
 
 def determined_at_home(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the result of `check_actuation` from the counts at home, for a motion that is not known yet."""
+    """Return the result of `check_actuation` for counts at the home pose, if the motion is not known yet."""
     lay = check_home(scene.mechanism)
     return check_actuation(scene, mobility(lay, scene.mechanism.home[None]), quantities)
 
 
 def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
-    """Reject samples that are too far apart for following the motion from sample to sample."""
+    """Reject a motion with samples that are too far apart to be followed."""
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
     size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
     far = np.argwhere(np.abs(way) / np.maximum(size, 1.0) > FARTHEST)
@@ -140,7 +140,7 @@ def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
 
 
 def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tuple[int, str] | None:
-    """Return the first sample of joint coordinates, shape (n, n_q), that exceeds a limit, and a sentence on it."""
+    """Return the first sample of joint coordinates, shape (n, n_q), that exceeds a limit, and a sentence about it."""
     low, high = mechanism.limits.T
     beyond = np.argwhere((q < low) | (q > high))
     if not len(beyond):
@@ -161,8 +161,8 @@ def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
 class SampleWalk:
     """Path along a motion from home, followed part by part; errors are stated in terms of the description.
 
-    A pose at which coordinates that are constant on the home branch may begin to move is also singular. Charts of cut
-    joints are not among the unknowns; where such a chart locks, only the rates of that joint are lost.
+    A pose is also singular if coordinates that are constant on the home branch may begin to move there. Charts of cut
+    joints are not among the unknowns; where such a chart locks, only the rates of that joint are undefined.
     """
 
     def __init__(self, lay: Layout) -> None:
@@ -206,7 +206,7 @@ class SampleWalk:
             check_regular(self.lay, ended, np.array([end.t]), end.y[None])
         if not i:
             return SingularPoseError(
-                f"the motion lies beyond a singular pose, seen from home, at {described(motion.y[0])} "
+                f"a singular pose separates the start of the motion, {described(motion.y[0])}, from home "
                 f"(the path from home is singular at {meets}): {near}",
                 f"t = {times[0]:g} s",
                 "keep the motion on the same side as home, or choose a home pose beyond the singular pose",
@@ -218,7 +218,7 @@ class SampleWalk:
 
 
 def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | None = None) -> None:
-    """Check the condition number of the closing system (`matrix` if known) at every sample.
+    """Check the condition number of the closing system (`matrix`, if known) at every sample.
 
     Raises:
         SingularPoseError: A pose is singular.
@@ -236,10 +236,10 @@ def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | Non
 
 
 def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
-    """Count freedoms at the most general of a few poses (joint coordinates): symmetry makes forces look unique.
+    """Count degrees of freedom at the most general of a few poses, because symmetry can make forces look unique.
 
-    Since rounding decides on ranks next to singular poses, only the given poses with the highest rank are used; if
-    there are none, only home is used.
+    Only the given poses (joint coordinates) with the highest rank are used, because rounding affects ranks near
+    singular poses; if no given pose has this rank, only the home pose is used.
     """
     *sampled, home = (mobility(lay, q[None]) for q in [*poses, lay.mechanism.home])
 
@@ -280,9 +280,9 @@ def _start_doubts(scene: Scene) -> Iterator[str]:
 
 
 def _motion_doubts(scene: Scene) -> Iterator[str]:
-    """Warn about angles that start over one revolution from home, turn repeatedly and back, or turn from rest to rest.
+    """Warn about angles that start over a turn from home, or make over two turns and reverse or go from rest to rest.
 
-    Angles that turn in one direction, like that of a crank, may make any number of revolutions.
+    Angles that keep turning in one direction, like that of a crank, may make any number of revolutions.
     """
     motion, home = scene.motion, scene.mechanism.home
     for k, label, column in _angles(scene):

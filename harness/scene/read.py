@@ -1,4 +1,4 @@
-"""Reader of scenes from TOML, see ``harness/scenes/README.md``. It does not check names of engines."""
+"""Reads scenes from TOML files, see ``harness/scenes/README.md``. Names of engines are not checked."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name: str | Path) -> Scene:
-    """Read a scene by built-in name or path of a TOML file; a description or model file gets the default scene.
+    """Read a built-in scene by name, or a scene from a TOML file; a description or model file gets the default scene.
 
     Raises:
         ScrewgaugeError: The name is unknown, the file does not exist, or the file is not a scene.
@@ -55,7 +55,7 @@ def load_scene(name: str | Path) -> Scene:
 
 
 def is_scene(name: str) -> bool:
-    """Return True if a name can only mean a scene: built in, or a TOML file that names a mechanism."""
+    """Return True for a TOML file that names a mechanism, and for a built-in scene unless a mechanism has its name."""
     path = named_file(Path(), name)
     if is_path(name) and path.suffix == ".toml" and is_file(path):
         return "mechanism" in read_toml(path)
@@ -95,15 +95,15 @@ def _read(path: Path) -> Scene:
 
 
 def _check_kind(data: dict[str, Any], where: str) -> None:
-    """Reject keys that belong to simulated scenes in a scene with a given motion, and vice versa."""
+    """Reject keys of simulated scenes in a scene with a given motion, and vice versa."""
     kind = "simulated" if "forward" in data else "given"
     for key in data:
         one = TABLES["scene"]["keys"][key]
         if one.get("kind", kind) != kind and kind == "given":
-            raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
+            raise DescriptionError(f"'{key}' requires a forward scene", where, "add [forward] or remove it")
         if one.get("kind", kind) != kind:
             remedy = one.get("remedy", f"remove [forward] or {key}")
-            raise DescriptionError(f"'{key}' does not belong to a forward scene", where, remedy)
+            raise DescriptionError(f"'{key}' is not allowed in a forward scene", where, remedy)
 
 
 _built_in = cache(_read)  # files of the package do not change
@@ -116,7 +116,7 @@ def _read_forces(data: dict[str, Any], mechanism: Mechanism, where: str) -> Appl
 def _grid(
     data: dict[str, Any], sampled: Array | None, tables: Mapping[str, Recorded], applied: Applied, where: str
 ) -> Array:
-    """Return times of a scene with a given motion, from ``[time]`` or else samples, tables or loads. Shape (n,)."""
+    """Return times of a scene with a given motion: of ``[time]``, or else of samples, tables or loads. Shape (n,)."""
     files = [course.t for load in applied.loads for course in load.courses if isinstance(course, Samples)]
     if sampled is None and (known := [table.t for table in tables.values()] or files[:1]):
         sampled = np.unique(np.concatenate(known))
@@ -124,7 +124,7 @@ def _grid(
 
 
 def _times(data: dict[str, Any], mechanism: Mechanism, sampled: Array | None, path: Path) -> Array:
-    """Return the result of `_grid` before tables and loads have been read."""
+    """Return the times of `_grid` before tables and loads have been read. Shape (n,)."""
     if "time" in data or sampled is not None:
         return read_grid(data.get("time"), sampled, f"{path}, time")
     tables = read_tables(data.get("tables", {}), path.parent, f"{path}, tables")
@@ -208,7 +208,7 @@ def _acts(applied: Applied) -> bool:
 
 
 def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> InitialValue:
-    """Read the initial state and the integration from ``[forward]``."""
+    """Read the initial state and the integration settings from ``[forward]``."""
     given, home = read_keys("forward", table, where), mechanism.home[mechanism.independent_columns]
     return InitialValue(
         start=_state(given["start"], mechanism, home, f"{where}.start"),
@@ -220,7 +220,7 @@ def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> Initi
 
 
 def _state(table: Any, mechanism: Mechanism, usual: Array, where: str) -> Array:
-    """Read label -> value; labels that are not named get their default value. Shape (k,)."""
+    """Read label -> value; labels that the table omits get their default values. Shape (k,)."""
     values = dict(zip(mechanism.independent, usual.tolist(), strict=True))
     check_keys(table, values, where)
     values |= {label: number(value, f"{where}.{label}") for label, value in table.items()}

@@ -22,7 +22,7 @@ SHOWN = 4
 
 
 def at_rest(scene: Scene) -> dict[Resistance, NDArray[np.bool_]]:
-    """Return dry friction -> mask of the samples of a given motion at which its direction is undefined. Shape (n,)."""
+    """Return dry friction -> mask of samples of a given motion at which its joint rests. Shape (n,)."""
     return {} if scene.simulated else _at_rest(scene.mechanism, scene.motion)
 
 
@@ -38,7 +38,7 @@ def _at_rest(mechanism: Mechanism, motion: GivenMotion) -> dict[Resistance, NDAr
 
 
 def unique_samples(scene: Scene) -> NDArray[np.bool_]:
-    """Return True for samples at which dry friction leaves no force undetermined, or for all samples. Shape (n,)."""
+    """Return True for samples at which dry friction leaves no force undetermined; if none, for all. Shape (n,)."""
     rests = np.any([np.zeros(len(scene.t), dtype=bool), *at_rest(scene).values()], axis=0)
     return np.asarray(~rests | rests.all())
 

@@ -41,14 +41,14 @@ class Scene:
 
     Attributes:
         mechanism_file: The description from which the mechanism was read; engines ``screw`` and ``truth`` also read it,
-            unless the mechanism was changed since then.
+            unless the mechanism has been changed since.
         applied: Gravity, loads, springs and motors.
         task: A given motion, or a start from which the motion is integrated.
         rule: Rule for redundant actuators.
         tolerances: Quantity -> scaled tolerance, for quantities whose default the scene changes.
         models: Engine -> model file that replaces the generated one.
         figures: Figures of the report.
-        allow: Admitted differences between model files and the description (``coupler.inertia``), unread files
+        allow: Allowed differences between model files and the description (``coupler.inertia``), unread files
             (``models.mujoco.unread``), and unphysical inertia tensors (``wrist.triangle``).
         file: File from which the scene was read.
         drive: The given motion as a function of time.
@@ -214,7 +214,7 @@ class Scene:
             ScrewgaugeError: A field is unknown, or an entry is invalid.
         """
         for name in changes:
-            check_name("field", name, [each.name for each in fields(Applied)], "what acts on the scene")
+            check_name("field", name, [each.name for each in fields(Applied)], "forces of the scene")
         folder = Path() if self.file is None else self.file.parent
         given = read_applied(self.mechanism, as_written(changes), "under", folder)
         return replace(self, applied=replace(self.applied, **given))
@@ -231,7 +231,7 @@ class Scene:
                 0.002"``.
 
         Raises:
-            ScrewgaugeError: A name is unknown, or a body, spring or closed loop cannot have the new value.
+            ScrewgaugeError: A name is unknown, or a new value is invalid for a body, spring or closed loop.
         """
         from screwgauge.models.home import near_home  # a solver of many parts, which few scenes need
 
@@ -253,7 +253,7 @@ class Scene:
 
         Args:
             wanted: Names of quantities.
-            engine: Name of the engine that solves the problem, see `acting_on`; by default no particular one.
+            engine: Name of the engine that solves the problem, see `acting_on`; by default any engine.
         """
         applied = self.acting_on(engine)
         return Problem(applied, self.task, frozenset(wanted), self.rule, self.wording(), self.points)
@@ -267,7 +267,7 @@ class Scene:
         return self.applied if file is None or file.suffix != ".xml" else replace(self.applied, gravity=None)
 
     def wording(self) -> Wording:
-        """Return the strings of motion, gravity and loads; None where different doubles replaced them."""
+        """Return motion, gravity and loads as strings from the file; None where different doubles replaced them."""
         if not self.text:
             return Wording()
         motion, gravity, loads = (self.text[key] for key in ("motion", "gravity", "loads"))
@@ -288,7 +288,7 @@ class Scene:
     def _moves_as(self, table: dict[str, Any]) -> bool:
         """Return True if the scene still moves as the table describes.
 
-        False for samples, and for motion that follows from forces: doubles define these motions.
+        False for samples, and for motion that follows from forces, because doubles define these motions.
         """
         if "csv" in table or {*table} != {*self.mechanism.independent}:
             return False
@@ -311,8 +311,10 @@ def check_scene_type(what: object, where: str) -> None:
 
 
 def check_order(t: Array, since: float) -> None:
-    """Reject times of a simulation that do not increase from the start on."""
+    """Reject times of a simulation that do not increase, or that precede its start."""
     if (np.diff(t) <= 0.0).any() or t[0] < since:
         raise DescriptionError(
-            f"the times do not increase from t = {since:g} s on", "times", "sort the times, beginning at the start"
+            f"the times must increase, and must not precede the start at t = {since:g} s",
+            "times",
+            "sort the times, beginning at the start",
         )

@@ -1,4 +1,4 @@
-"""Checks of a simulated scene before any engine runs: home, start, stiffness. For given motions see `preflight`."""
+"""Checks of a simulation before any engine runs: home pose, start, stiffness. For given motions, see `preflight`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         k = int(away.argmax())
         unit = mechanism.units[mechanism.independent_columns[k]]
         what = f"the start is {away[k]:.3g} {unit} away from the home pose"
-        raise DescriptionError(what, scene.name, f"start within {FARTHEST:g} of home; check its units")
+        raise DescriptionError(what, scene.name, f"start within {FARTHEST:g} (rad or m) of home, or check the units")
     since = np.array([task.since])
     q = positions(lay, task.start[None], since)
     check_regular(lay, q, since, task.start[None])
@@ -73,7 +73,7 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
 
 
 def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
-    """Return the fastest eigenvalue at the start [1/s]; 0 if the loops do not close next to the start.
+    """Return the fastest eigenvalue at the start [1/s]; 0 if the loops do not close near the start.
 
     Dry friction is omitted, because it jumps at rest.
     """
@@ -87,7 +87,7 @@ def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
 
 
 def stiff_warning(fastest: complex, task: InitialValue) -> str:
-    """Warn if an explicit method needs very many steps for stability alone; else return an empty string.
+    """Warn if an explicit method needs very many steps for stability alone; otherwise return an empty string.
 
     Args:
         fastest: The fastest eigenvalue at the start [1/s].
@@ -99,5 +99,5 @@ def stiff_warning(fastest: complex, task: InitialValue) -> str:
     turning = f" +- {abs(fastest.imag):.3g}i" if abs(fastest.imag) > 1e-6 * abs(fastest) else ""
     return (
         f"The scene is stiff for {method}: its fastest eigenvalue at the start, {fastest.real:.3g}{turning} 1/s, "
-        f"limits a stable step to about {step:.2g} s, {steps:.2g} steps for the whole motion; use Radau or BDF."
+        f"limits a stable step to about {step:.2g} s, i.e. {steps:.2g} steps for the whole motion; use Radau or BDF."
     )
