@@ -84,7 +84,7 @@ def test_what_is_no_number_is_refused_by_its_row(scene, solver, which):
     out = solver.buffers(len(y))
     solver(y, yd, ydd, **{which: given}, out=out)
     given[7] = np.nan
-    with pytest.raises(screwgauge.ScrewgaugeError, match=f"{which}: row 7 is not finite"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=f"{which}: row 7 contains a non-finite number"):
         solver(y, yd, ydd, **{which: given}, out=out)
 
 
@@ -95,7 +95,7 @@ def test_a_pose_of_an_open_tree_that_is_no_number_is_refused():
     solver = screwgauge.compile(arm, ["actuator_force"], backend="numpy")
     solver(y, yd, ydd)
     y[7, 0] = np.nan
-    with pytest.raises(screwgauge.ScrewgaugeError, match="y: row 7 is not finite"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match="y: row 7 contains a non-finite number"):
         solver(y, yd, ydd)
 
 

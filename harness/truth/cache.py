@@ -204,7 +204,7 @@ def _secret(place: int) -> bytes:
 
 
 def _put(place: int, name: str, data: bytes, *, replace: bool = True) -> None:
-    """Write a file atomically; unless `replace` is set, only if the file does not exist."""
+    """Write a file atomically; unless `replace` is set, keep an existing file."""
     fresh = f".new-{secrets.token_hex(8)}"
     file = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=place)
     try:

@@ -1,4 +1,4 @@
-"""The engine `truth`: ball arithmetic with a rigorous radius for every value.
+"""The engine `truth`: computes every value, and a rigorous radius for it, in ball arithmetic.
 
 It reads the numbers in the text of the description and the scene exactly, treats times, which are doubles, as exact,
 and solves at most `MOST` evenly spread samples. The float64 solver supplies only a starting guess of the positions,
@@ -42,7 +42,7 @@ from screwgauge.truth.samples import (
     recentre_sample,
 )
 
-BITS = 192  # 57 digits, of which 12 are lost up to the reactions; 30 correct digits are required
+BITS = 192  # 57 digits, of which 12 are lost on the way to the reactions; 30 correct digits are required
 
 
 def load(files: ModelFiles) -> TruthModel:

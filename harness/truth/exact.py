@@ -1,7 +1,7 @@
 """Number types of the engine `truth`: balls (arb) read from text, their matrices, and power series in time (jets).
 
 Decimals become exact rationals, and expressions become enclosures. A jet is the list of its Taylor coefficients ``[x,
-x', x''/2]``, up to the requested order. All derivatives of the truth follow from products of such series; the code
+x', x''/2]``, up to the requested order. All derivatives follow from products of such series; the code
 contains no formulas for velocities or accelerations.
 """
 

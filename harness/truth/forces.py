@@ -85,7 +85,7 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
 
 
 def resisting_forces(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
-    """Yield the coordinate's column, and the force along it, of each rotor, damper and dry friction.
+    """Yield, for each rotor, damper and dry friction, its coordinate's column and the force along that coordinate.
 
     Raises:
         NotCertified: The sign of a rate, which determines the direction of friction, is not certain.

@@ -101,7 +101,7 @@ def owner(mechanism: Mechanism, column: int) -> tuple[Joint, int]:
 
 
 def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) -> list[tuple[bool, Vector]]:
-    """Return rotation flags and world axes of a joint's degrees of freedom; the preceding motions turn each axis.
+    """Return rotation flags and world axes of a joint's degrees of freedom; preceding motions rotate each axis.
 
     Args:
         steps: Flag for rotation, axis in the joint frame, and matrix (4, 4) of each degree of freedom.
@@ -153,7 +153,7 @@ class Move:
     square: arb_mat
 
     def matrix(self, q: Jet) -> MatrixJet:
-        """Return the series of the homogeneous matrix for the series of the coordinate."""
+        """Return the series of the homogeneous matrix, given the series of the coordinate."""
         if not self.turns:
             return [identity(4) + self.D * (q[0] * self.sign), *(self.D * (x * self.sign) for x in q[1:])]
         sin, cos = sin_cos([x * self.sign for x in q])

@@ -61,7 +61,7 @@ def needs_rule(problem: Problem) -> bool:
 
 
 class Sampler:
-    """Solver for samples of one problem, up to the stage that its quantities need: q, v, a or f."""
+    """Solver for samples of one problem, up to the stage that the requested quantities need: q, v, a or f."""
 
     def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock, *, redundant: bool = True) -> None:
         """Read forces and motion in the current working precision, which is also used for the samples.
@@ -244,7 +244,7 @@ def enclose_sample(samplers: Sequence[Sampler], motion: GivenMotion, row: int, s
 def recentre_sample(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
     """Move the centres of the balls of `wide` to the values of `exact`, which ignores redundant rows.
 
-    Ball arithmetic overestimates: if inputs are wide, the enclosed values may lie anywhere in the balls.
+    Ball arithmetic overestimates radii: if inputs are wide, the enclosed values may lie anywhere in the balls.
 
     Raises:
         LoopsOpen: The rounded decimals are too coarse to enclose the motion that exact decimals determine.

@@ -19,8 +19,8 @@ from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion, move
 from screwgauge.witness.tree import FREEDOMS, Coupled, SpanningTree, TreeStates
 
-#: Number of Newton steps; largest step size [rad or m]; gap that counts as rounding, in rad, or in machine lengths but
-#: at least 1 m.
+#: Number of Newton steps; largest step [rad or m]; and gap that counts as rounding [rad, or machine lengths of at least
+#: 1 m].
 STEPS, FAR, CLOSED = 40, 0.5, 1e-11
 #: Singular values below this fraction of the largest belong to redundant rows.
 DEPENDENT = 1e-8
@@ -112,7 +112,7 @@ def gap_bias(tree: SpanningTree, states: TreeStates) -> Array:
 
 
 def residual(motion: TreeMotion[SpanningTree], order: int = 0) -> Array:
-    """Return all gaps, concatenated. Shape (n, m)."""
+    """Return all gaps, or derivatives of them, in one array. Shape (n, m)."""
     return np.hstack([*closure_gaps(motion, order).values(), coupling_gaps(motion, order)])
 
 

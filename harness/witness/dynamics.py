@@ -91,7 +91,7 @@ def mass_matrix(motion: TreeMotion[SpanningTree]) -> Array:
 
 
 def _inertia_at_origin(motion: TreeMotion[SpanningTree]) -> Array:
-    """Return each body's inertia about the world origin: twist -> angular momentum and momentum. (n, n_body, 6, 6)."""
+    """Return each body's inertia about the world origin: twist -> angular and linear momentum. (n, n_body, 6, 6)."""
     tree, com = motion.tree, motion.com
     C, m = skew(com.p), tree.mass[:, None, None]
     out = np.empty((*com.p.shape[:2], 6, 6))

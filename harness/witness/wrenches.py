@@ -113,7 +113,7 @@ def unit_wrenches(motion: TreeMotion[MechanismTree], quantity: str) -> Iterator[
 
 
 def _of_couplings(motion: TreeMotion[MechanismTree]) -> Iterator[JointWrench]:
-    """Yield unit wrenches of couplings: 1 along its coordinate, minus the slope along each other coordinate."""
+    """Yield the unit wrenches of each coupling: 1 along its coordinate, minus the slope along each other coordinate."""
     rows, mechanism = coupling_rows(motion), motion.tree.mechanism
     for k, one in enumerate(mechanism.couplings):
         names = one.named

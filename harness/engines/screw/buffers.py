@@ -117,7 +117,7 @@ def check_finite(array: Array, where: str) -> None:
     """
     if not np.isfinite(array).all():
         row = int(np.isfinite(array).all(axis=1).argmin())
-        raise DescriptionError(f"row {row} is not finite", where, "pass finite numbers")
+        raise DescriptionError(f"row {row} contains a non-finite number", where, "pass finite numbers")
 
 
 def _check_apart(arrays: Mapping[str, Array]) -> None:

@@ -1,4 +1,4 @@
-"""``screwgauge.compile``: compiles a scene into a function of samples, for large numbers of samples."""
+"""``screwgauge.compile``: compiles a scene into a solver for large numbers of samples."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ class TracedForward:
         return False
 
     def closed(self, y: Array) -> Array | None:
-        """Return the coordinates of the closed pose, with cut joints at home; None if the pose is in doubt. (n_q,)."""
+        """Return coordinates of the closed pose, with home values for cut joints; None if it is in doubt. (n_q,)."""
         k, before = len(self.columns), self.pose.copy()
         self.state[:k], self.state[k:] = y[:, None], 0.0
         fine = self._evaluate()
@@ -181,7 +181,7 @@ class TracedForward:
 
     def notes(self) -> tuple[str, ...]:
         """Describe how accelerations were computed."""
-        left = f"; the array solver computed {self.by_array} evaluations" if self.by_array else ""
+        left = f"; {self.by_array} evaluations were left to the array solver" if self.by_array else ""
         return (
             f"{self.note}accelerations were computed by a program of {self.operations} operations, "
             f"whose tracing and compiling took {self.setup:.2g} s of CPU time, not counted as integration{left}",

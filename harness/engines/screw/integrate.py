@@ -61,7 +61,7 @@ class _Near(Exception):
         self.lay, self.q, self.condition = lay, q, condition
 
     def __str__(self) -> str:
-        """Build the message only on demand: most such poses are stepped over."""
+        """Build the message only on demand, because most such poses are stepped over."""
         mechanism = self.lay.mechanism
         where = mechanism.described(self.q[mechanism.independent_columns])
         why = near_singularity(self.lay, self.q[None])

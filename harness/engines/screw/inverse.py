@@ -47,7 +47,7 @@ def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
 
 
 def _stage(name: str) -> str:
-    """Return the stage of the work that computes a quantity."""
+    """Return the name of the stage in which a quantity is computed."""
     return "tree forces" if name in _TREE else _STAGES[QUANTITIES[name].needs]
 
 
@@ -170,7 +170,7 @@ class Work:
             conditions["reaction"] = np.maximum(at.system.whole_condition, conditions["actuator_force"])
 
     def _with_idle(self, at: Forward, trust: Trust) -> Trust:
-        """Account in the error data for accelerations of idle coordinates, in which large terms may cancel."""
+        """Extend the error data for idle coordinates, in whose accelerations large terms may cancel."""
         mechanism, sizes, idle, L = self.lay.mechanism, self.loops.sizes, [*at.idle], self.loops.length
         errors = idle_rounding(at) * sizes[mechanism.independent_columns][idle]
         v, w = (np.linalg.norm(part[:, idle], axis=-1) for part in at.partial_motion)

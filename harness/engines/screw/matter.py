@@ -169,7 +169,7 @@ class Matter:
         return base
 
     def parts(self, poses: ClosedSamples) -> Any:
-        """Yield slices of samples, their base values, (n, m), and derivatives by feature, (n, m, n_feature)."""
+        """Yield slices of samples, base values, (n, m), and derivatives with respect to features, (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
             return
@@ -202,7 +202,7 @@ class Matter:
 
 
 def _not_negative(xx: Array, yy: Array, zz: Array, xy: Array, xz: Array, yz: Array) -> NDArray[np.bool_]:
-    """Flag symmetric matrices without negative eigenvalues beyond rounding, using sums of principal minors."""
+    """Flag symmetric matrices that, up to rounding, have no negative eigenvalues, using principal minors."""
     trace = xx + yy + zz
     pairs = xx * yy + yy * zz + zz * xx - xy * xy - xz * xz - yz * yz
     product = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)

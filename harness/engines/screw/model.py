@@ -48,7 +48,7 @@ class ScrewModel:
         backend: Solver of given motions and simulations: ``array``, or a traced program run by ``numpy`` or ``llvm``.
             In simulations ``numpy`` runs the program in Python. The default is ``llvm`` for simulations, ``numpy`` for
             given motions of at least `LONG` samples, and ``array`` for shorter motions.
-        precision: Number type of the program; with float32, only given motions are solved, not by backend ``array``.
+        precision: Number type of the program; float32 works only for given motions, and not with backend ``array``.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class ScrewModel:
         return replace(solution, notes=notes)
 
     def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
-        """Return a program for the accelerations; without one, None and notes that say why."""
+        """Return a program for the accelerations, or None, and notes on why there is none."""
         from screwgauge.engines.screw.forward import TracedForward
 
         if self.backend == "array":

@@ -114,7 +114,7 @@ class NominalMachine:
 
 
 def stack_inputs(symbols: Symbols, poses: ClosedSamples, numbers: Array) -> Array:
-    """Stack all inputs of a program at closed poses; `numbers` has shape (P,), the result shape (inputs, n)."""
+    """Stack all inputs of a program at closed poses; `numbers` has shape (P,), the result has shape (inputs, n)."""
     parts = [poses.given, poses.q[:, symbols.predicted], poses.q[:, symbols.near]]
     return np.ascontiguousarray(np.concatenate([*parts, np.tile(numbers, (len(poses.q), 1))], axis=1).T)
 

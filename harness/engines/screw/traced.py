@@ -109,7 +109,7 @@ class TracedWork:
             self.runner, self.note = runner_of(self.traced, backend, np.dtype(self.kind.name))
         #: Signs of the cosines of middle angles of cut joints, in the program.
         self.folds = [float(fold.flat[0]) for fold in self.work.loops.folds(q)]
-        #: Whether angles of cut joints must be distinguished from equivalent ones.
+        #: Whether angles of cut joints must be distinguished from equivalent angles.
         self.charted = bool((self.traced.predicted and CHARTED & {*self.wanted}) or self.traced.near)
 
     def _error_outputs(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:

@@ -33,7 +33,7 @@ LANES, HELD = 256, 4_000_000
 STEPS, MANY = (2, 3), 0.2
 #: Number of times that a program continues from its last poses.
 AGAIN = 4
-#: Step above which the next step must be at most a quarter as large; below it, both steps are rounding.
+#: Step above which the next step must be at most a quarter as large; below it, both steps are at rounding level.
 TESTED, QUARTER = 1e-7, 0.25
 #: Next step below which a pose counts as closed, and largest residual allowed in any row [rad or mechanism lengths].
 CLOSED, OPEN = 1e-13, 1e-11
@@ -91,7 +91,7 @@ class _Worst:
 
     @property
     def stays_open(self) -> NDArray[np.bool_]:
-        """True where Newton's method has converged but closing rows remain open."""
+        """True where Newton's method has converged but closing equations remain violated."""
         return (self.following <= CLOSED**2) & self.contracts & ~(self.open <= OPEN**2)
 
 
@@ -134,12 +134,12 @@ class Variants:
 
     @property
     def operations(self) -> int:
-        """Number of operations of the program per sample of a variant."""
+        """Number of operations that the program executes for one sample of one variant."""
         return len(self._program(self._steps)[1].program.code)
 
     @cached_property
     def cannot_change(self) -> dict[str, float]:
-        """Parameters that remove the machine's mobility if changed separately, see `Slopes.costs`."""
+        """Parameters that remove the machine's mobility if changed alone, see `Slopes.costs`."""
         return self._slopes.costs()
 
     @cached_property

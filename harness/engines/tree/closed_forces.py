@@ -61,7 +61,7 @@ def closed_forces(
         conditions = dict.fromkeys(RULED, condition)
     values["actuator_force"], values["axis_moment"] = f, along.copy()
     values["axis_moment"][:, [closed.names.index(closed.tree.coordinates[k]) for k in driven]] += f
-    for one in resistances(closed.file.joints, ROTORS):  # rotors belong to tree coordinates
+    for one in resistances(closed.file.joints, ROTORS):  # rotors are on tree coordinates
         place = closed.tree.coordinates.index(one.coordinate)
         values["axis_moment"][:, one.column] -= one.amount * motion[2][:, place]
     if "reaction" not in wanted:
@@ -153,7 +153,7 @@ def components(at: JointPose, wrench: Array, about: Array) -> Array:
 
 
 def _closing(joint: Joint, loops: TreeLoops, at: BodyPoses, multipliers: Array) -> Array:
-    """Return the wrench of a cut joint on its child, about the child's origin, from its anchors. Shape (n, 6)."""
+    """Return the wrench that a cut joint's anchors exert on its child, about the child's origin. Shape (n, 6)."""
     out = np.zeros((len(at.p), 6))
     for k, anchor in enumerate(loops.anchors):
         if anchor.joint == joint.name:

@@ -65,7 +65,7 @@ def project(mover: Mover, q: Array, v: Array) -> tuple[Array, Array, tuple[float
 
 
 def _pseudo_inverse(G: Array) -> Array:
-    """Compute the pseudo-inverse from eigenvectors of G^T G, a matrix that redundant rows do not enlarge.
+    """Compute the pseudo-inverse from eigenvectors of G^T G, whose size does not grow with redundant rows.
 
     Shape (m, n) -> (n, m).
     """

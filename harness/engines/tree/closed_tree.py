@@ -299,7 +299,7 @@ class ClosedTree:
 
     @cached_property
     def given(self) -> frozenset[str]:
-        """Names of the cut joints with independent coordinates."""
+        """Names of the cut joints that have independent coordinates."""
         return frozenset(name for column, name, _ in self.loops.independent if column is None)
 
     def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:

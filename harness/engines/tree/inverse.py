@@ -289,7 +289,7 @@ class _Pass:
                 self.work.softness["tree_force_soft"] = max(known, tolerance)
 
     def _inertia_and_weight(self) -> Array:
-        """Return the largest sum of inertial force and weight along a coordinate, without cancellation [N]. (n,)."""
+        """Return the largest inertial force plus weight along a coordinate, assuming no cancellation [N]. (n,)."""
         tree, at, L = self.closed.tree, self.at, self.closed.length
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * L
         bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few bodies

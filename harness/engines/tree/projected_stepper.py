@@ -41,7 +41,7 @@ class ProjectedStepper:
         return self._slope(t, self.q, self.v), np.zeros(0)
 
     def _slope(self, t: float, q: Array, v: Array) -> Array:
-        """Return accelerations at the projected state, because redundant rows contradict each other at open loops."""
+        """Return accelerations at the projected state, because redundant rows contradict each other in open loops."""
         q, v, _ = project(self.mover, q, v)
         self.forces.act(t, q, v, self.mover.body, self.tau)
         return self.mover.accelerate(self.tau)

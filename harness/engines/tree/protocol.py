@@ -51,7 +51,7 @@ class BodyPoses:
         return np.asarray(self.p[:, bodies] + times(self.R[:, bodies], places))
 
     def jacobian(self, moves: Array, at: Array, rows: slice) -> Array:
-        """Return the derivative of points with respect to coordinates at the selected poses, shape (n_row, m, 3, n_v).
+        """Return derivatives of point positions by coordinates at the selected poses, shape (n_row, m, 3, n_v).
 
         Args:
             moves: Share of each coordinate's screw that moves each point. Shape (m, n_v).
@@ -103,7 +103,7 @@ class OpenTree(Protocol):
 
     Attributes:
         coordinates: Joint coordinates in the engine's order.
-        bodies, parents: Bodies, excluding ground, and the body that carries each of them in the tree.
+        bodies, parents: Bodies, excluding ground, and the parent of each body in the tree.
         closures, couplings: Closures and couplings of its model file.
         masses, com: Mass of each body [kg], and centre of mass in the body frame [m]. Shapes (n_body,), (n_body, 3).
         rounding: Dimensionless closure residual below which float32 poses are meaningless; 0 in float64.
@@ -209,7 +209,7 @@ class Mover(Protocol):
         """Return R, p and Jacobian of a body, see `BodyAt`."""
 
     def accelerate(self, tau: Array) -> Array:
-        """Return accelerations for forces along the coordinates, as an array that later calls do not modify.
+        """Return accelerations due to forces along the coordinates, in an array that later calls do not modify.
 
         Raises:
             SingularPoseError: The accelerations are unreliable.
@@ -248,7 +248,7 @@ class Stepper(Protocol):
         """
 
     def accelerations(self, t: float) -> tuple[Array, Array]:
-        """Return current accelerations, and the forces `closing`, which act on the child sides [N], shape (k,)."""
+        """Return current accelerations, and the forces named in `closing`, on the child sides [N], (k,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,7 +258,7 @@ class Accelerations:
     Attributes:
         a: Accelerations of the tree's coordinates. Shape (n, n_v).
         cost: Cost of the engine's own calls.
-        condition: Condition number of the solved system, if examined. Shape (n,).
+        condition: Condition number of the solved system, if computed. Shape (n,).
         tolerances: Quantity -> absolute error that the engine itself reports.
     """
 
@@ -295,5 +295,5 @@ class TreeDynamics(Protocol):
         """Compute accelerations of states under given forces along the coordinates.
 
         Args:
-            springs: Further springs and dampers along tree coordinates.
+            springs: Additional springs and dampers along tree coordinates.
         """

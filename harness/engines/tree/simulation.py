@@ -43,7 +43,7 @@ from screwgauge.solution import Cost, Solution, Stopwatch, Values, empty
 #: Number of recent steps whose largest size is used to pass a pose with unreliable accelerations, because steps may
 #: have shrunk on approach to it.
 RECENT = 10
-#: Fraction of the longest step from which a step counts as having the usual size.
+#: A step of at least this fraction of the longest step counts as a step of usual size.
 USUAL = 0.1
 #: Finite-difference step for the slope's derivative in implicit methods [rad, m and per s].
 DIFFERENCE = 1e-8
@@ -102,8 +102,8 @@ class _TreeRun:
     def jacobian(self, t: float, state: Array) -> Array:
         """Return the derivative of the slope by forward differences, except for parts that are constant.
 
-        scipy's own method keeps enlarging the difference step of a coordinate without effect, such as the angle of a
-        shaft, until it overflows.
+        scipy's own method keeps enlarging the difference step of a coordinate that has no effect, such as a shaft's
+        angle, until the step overflows.
         """
         n, out = self.n, np.zeros((len(state), len(state)))
         out[:n, n:-1] = np.eye(n)
@@ -141,7 +141,7 @@ class _TreeRun:
 
 
 def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
-    """Integrate a motion with scipy's methods on an engine's accelerations.
+    """Integrate a motion with scipy's methods, using an engine's accelerations.
 
     Raises:
         ScrewgaugeError: The start, method or a force is invalid, or accelerations at the start are unreliable.
@@ -158,7 +158,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     if run.closed:
         residual, rate = run.drift
         notes.append(
-            f"largest drift from the closed loops, removed after each step: {residual:.1e} (m, rad), {rate:.1e} /s"
+            f"the largest drift from the loops, removed after each step, was {residual:.1e} (m, rad), {rate:.1e} /s"
         )
     if steps.over:
         notes.append(f"{steps.over} steps were repeated with a different size because accelerations were unreliable")
