@@ -39,7 +39,7 @@ def operations(mechanism: Mechanism) -> float:
 def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) -> dict[str, Error]:
     """Estimate the rounding error of each quantity; empty unless the task is a given motion.
 
-    `Error.scaled` is relative to the largest term; positions use 1 rad or the mechanism's length.
+    `Error.scaled` is relative to the largest term or, for positions, to 1 rad or the mechanism's length.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.

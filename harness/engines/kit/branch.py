@@ -25,7 +25,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock
 
 Gaps = Callable[[Array], tuple[Array, Array]]
-"""Joint coordinates (n, n_q) -> residuals of loops and couplings, (n, m), and their derivatives, (n, m, n_q)."""
+"""Joint coordinates (n, n_q) -> residuals of loop closures and couplings, (n, m), and derivatives, (n, m, n_q)."""
 
 Solve = Callable[[Array, GivenMotion, Applied], tuple[dict[str, Array], dict[str, Array]]]
 """Joint coordinates (n, n_q), motion and applied forces -> quantities (n, m), and condition numbers (n,) for those
@@ -50,7 +50,7 @@ class Branch:
         """Start at the home pose.
 
         Args:
-            gaps: Residuals of loops and couplings, which may be redundant.
+            gaps: Computes the residuals of loop closures and couplings, which may be redundant.
             angular: True for gaps that are angles. Shape (m,).
             points: Named points, whose velocities are components of the quantity `jacobian`.
         """

@@ -24,7 +24,7 @@ def per_actuator(
         twists: Body twists per unit rate of y, ground first: angular velocity, then velocity of the body's origin.
             Shape (n, n_body + 1, 6, k).
         R: Orientations of the bodies. Shape (n, n_body + 1, 3, 3).
-        points: Points whose velocities follow the body twists in the result.
+        points: Points whose velocities come after the body twists in the result.
         index: Body -> its index, 0 for ground.
         B: Rates of the actuators per unit rate of y. Shape (n, n_actuator, k).
         idle: Indices of the coordinates that no actuator drives.

@@ -37,7 +37,7 @@ from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.resistance import Resistance
 from screwgauge.reference.rotations import Array
 
-#: Integrators by MuJoCo's name; ``discrete`` needs 4.0.
+#: Integrator -> its name in MuJoCo; ``discrete`` needs MuJoCo 4.0.
 INTEGRATORS = {
     "Euler": "mjINT_EULER",
     "implicit": "mjINT_IMPLICIT",

@@ -174,7 +174,7 @@ class PinocchioDynamics(TreeDynamics):
         if not self.settings.examine:
             return Accelerations(a, cost)
         condition, lift, rank = self._examine(q, v, tau, proximal.mu)
-        # closing rows have an error of exactly mu times the last change of the multipliers
+        # the error of the closing rows is exactly mu times the last change in the multipliers
         tolerances = {"joint_acceleration": proximal.mu * change * lift}
         return Accelerations(a, cost, condition, tolerances, (f"rank leaves {q.shape[1] - rank} freedoms",))
 

@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array, cross
 REDUNDANT = 1e-9
 #: Fraction of the largest inertia in the tree below which a joint's inertia counts as zero.
 WEIGHTLESS = 1e-15
-#: Whether constraint data must also be initialised and placed (casebook: pin-4-constraint-api).
+#: True if constraint data must also be initialised and placed (casebook: pin-4-constraint-api).
 PIN_4 = int(pin.__version__.split(".")[0]) >= 4
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
