@@ -31,8 +31,8 @@ def mechanism_path(
 
     Args:
         where: Location to report in errors.
-        allow: Tensors to accept although no physical body has them, in addition to the tensors that the description
-            allows; for a model file, this includes further entries of `importing.model.Options`.
+        allow: Physically impossible inertia tensors to accept, in addition to the tensors that the description allows;
+            for a model file, all entries of ``allow`` in `importing.model.Options`.
         floating: Give a URDF a floating base.
 
     Raises:
@@ -55,7 +55,7 @@ def mechanism_path(
 
 
 def _allowing(path: Path, allow: Sequence[str]) -> Path:
-    """Write, to a temporary folder, a description that extends the given description and allows further tensors."""
+    """Extend the given description, in a temporary folder, so that it allows further tensors."""
     own = read_names(read_toml(path).get("allow", []), f"{path}, allow") if allow else ()
     if {*allow} <= {*own}:
         return path
@@ -121,7 +121,7 @@ def mechanism_tables(name: str | Path) -> dict[str, Any]:
 def four_bars(n: int, *, driven: bool = False) -> str:
     """Write N four-bars in a row as TOML: pivots A_k = (k, 0, 0), N + 1 upright links, N horizontal links.
 
-    The crank angle is measured from the upright about z; the motion therefore starts at a rate of -1 rad/s.
+    The crank angle is measured about z from the upright position; the motion therefore starts at a rate of -1 rad/s.
 
     Args:
         n: Number of four-bars, at least one.

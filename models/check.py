@@ -1,4 +1,4 @@
-"""Checks model files against the description: compares each value that the libraries read, on its own scale."""
+"""Checks model files against the description: compares each value that a library reads, relative to its scale."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ INERTIA_TOLERANCE = 5e-14
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """A compared property. `difference` has the scale of `tolerance`; it is NaN for names."""
+    """A compared property. `difference`, NaN for names, and `tolerance` are relative to the same scale."""
 
     item: str
     what: str
@@ -88,7 +88,7 @@ def _short(values: Array) -> str:
 
 
 def compare_readings(expected: Reading, actual: Reading, mechanism: Mechanism) -> Iterator[CheckRow]:
-    """Compare all properties of a reading."""
+    """Compare all properties of an expected and an actual reading."""
     length = length_scale(mechanism)
     actual = collapse(actual, keep=expected.bodies)  # a URDF splits a composite joint
     yield _keys("body", expected.bodies, actual.bodies)
@@ -153,7 +153,7 @@ def _compare_bodies(
 
 
 def compare_loops(expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> Iterator[CheckRow]:
-    """Compare all properties of a loops file."""
+    """Compare all properties of an expected and an actual loops file."""
     length = length_scale(mechanism)
     for what in ("mechanism", "cut"):
         yield _names("", what, getattr(expected, what), getattr(actual, what))
@@ -265,7 +265,7 @@ def check_file(
 
 
 def check_table(rows: Sequence[CheckRow]) -> str:
-    """Format rows: for each file, reading and property, a line with the worst item; then all rows that failed."""
+    """Format a line for each file, reading and property, with its worst item, followed by all rows that failed."""
     groups: dict[tuple[str, str, str], list[CheckRow]] = {}
     for row in rows:
         groups.setdefault((row.file, row.reading, row.what), []).append(row)
@@ -288,7 +288,7 @@ def check_table(rows: Sequence[CheckRow]) -> str:
 
 
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
-    """Return the reading, without limits, of a model file that matches the description exactly."""
+    """Build the reading of a model file that matches the description exactly; joint limits are omitted."""
     tree = lay_out(mechanism, cut)
     poses = home_poses(tree)
     bodies: dict[str, BodyReading] = {}
@@ -317,7 +317,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
 def _merge_links(
     mechanism: Mechanism, links: dict[str, BodyReading], closures: dict[str, ClosureReading]
 ) -> tuple[dict[str, BodyReading], dict[str, Array], dict[str, ClosureReading]]:
-    """Merge the links of fixed joints into bodies; return bodies, links fixed to the ground, and closures."""
+    """Merge links that fixed joints connect into bodies; return bodies, links fixed to the ground, and closures."""
     if len(mechanism.moving) == len(mechanism.coordinates):
         return links, {}, closures
     below = {name: replace(link, near=link.near if link.near != GROUND else "") for name, link in links.items()}
@@ -338,7 +338,7 @@ def with_limits(reading: Reading, mechanism: Mechanism) -> Reading:
 
 
 def home_poses(tree: Tree) -> dict[str, Array]:
-    """Compute the world poses of the ground, all bodies and all copies at the home coordinates. Shape (4, 4) each."""
+    """Compute the world poses of the ground, bodies and copies of bodies at the home pose. Shape (4, 4) each."""
     poses = {GROUND: np.eye(4)}
     for link in tree.links:
         T = joint_transform(link.joint, link.joint.home)
@@ -363,7 +363,7 @@ def _step(value: float, turns: bool, axis: Array) -> Array:
 
 
 def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:
-    """Return a reading of each degree of freedom of a joint, for the outer body's motion relative to the inner body."""
+    """Return a reading of each degree of freedom of a joint: motions of the outer body relative to the inner body."""
     joint = link.joint
     sign = -1.0 if link.reverse else 1.0
     T, joints = poses[link.name if link.reverse else link.near] @ _matrix(joint.parent_frame), {}

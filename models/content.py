@@ -23,7 +23,7 @@ from screwgauge.reference.files import is_file, read_xml
 from screwgauge.reference.mechanism import Mechanism
 
 #: Kind of content that does not belong to any other kind.
-OTHER = "not held by the reading"
+OTHER = "not represented in the reading"
 #: Pairs of label and value.
 Values = tuple[tuple[str, float | str], ...]
 #: Number of items of a kind that are named; further items are only counted.
@@ -37,9 +37,9 @@ class Kind:
     Attributes:
         fate: How a comparison treats this kind; `content.toml` explains each value.
         note: Quantity by which content of this kind is compared, or the reason why it is not compared.
-        alone: ``withheld`` or ``aside`` if that treatment applies where only one of the two models has, or can have,
-            content of this kind.
-        xml: Names that the walk through a file uses for this kind.
+        alone: Treatment if only one of the two models has, or can have, content of this kind: ``withheld``, ``aside``,
+            or empty if `fate` still applies.
+        xml: Names that `_ElementWalk` reports for content of this kind.
         of, arrays, when, joints: How a compiled MuJoCo model stores content of this kind.
         run: How a run treats this kind; `content.toml` explains each value.
         why, remedy: For a kind that is refused: the error that it would cause, and how to avoid it.
@@ -112,7 +112,7 @@ def kind_of(element: str) -> str:
 
 
 def force_limits(joint: str, most: float) -> Content:
-    """Build the content for the largest force or torque of a joint in the form that MuJoCo stores [N or N m]."""
+    """Convert the force or torque limit of a joint [N or N m] to content, in the form that MuJoCo stores."""
     values = ("actfrcrange[0]", -most), ("actfrcrange[1]", most)
     return Content("force limits", "limit effort", f" of joint {joint}", (("joints", joint, 1.0),), values)
 
@@ -126,7 +126,7 @@ def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
 
 
 def _whose(owners: list[str]) -> str:
-    """Format the owners as `` of joint a, b, c and 9 more`` from `` of joint a``, `` of joint b`` ..."""
+    """Merge owners such as `` of joint a``, `` of joint b`` into one phrase: `` of joint a, b, c and 9 more``."""
     owners = list(dict.fromkeys(owners))
     kind = " ".join(owners[0].split(" ")[:3]) if owners[0].startswith(" of ") else ""  # names may have spaces
     return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
@@ -196,7 +196,7 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
 
 
 def unread_rows(library: str) -> list[str]:
-    """List the properties of a loops file (by their names in the model check) that a library's engines ignore."""
+    """List the properties of a loops file that a library's engines ignore, as they are called in the model check."""
     rows: list[str] = element_tables()["loops"]["ignored"].get(library, [])
     return rows
 
@@ -213,7 +213,7 @@ def _include(root: ET.Element, folder: Path) -> None:
 
 
 def _of_coordinates(mechanism: Mechanism) -> dict[str, dict[str, str]]:
-    """Return coordinate -> attribute -> value of the description, formatted as in written model files."""
+    """Map coordinates to attributes and the values that these have in the description, formatted as in model files."""
     values = {}
     for joint in mechanism.joints:
         numbers = joint.coordinates, joint.limits, joint.rotor, joint.damping, joint.friction
@@ -287,7 +287,7 @@ class _ElementWalk:
         return next((kind for kind, names in kinds.items() if names and every & {*names}), "unknown")
 
     def _attributes(self, kind: str, parent: str, tag: str) -> list[str] | None:
-        """Return the attributes that the table lists under a kind, or None if the table does not list the element."""
+        """Return the attributes that the table lists for an element under a kind; None if the element is not listed."""
         entries = self.table.get(kind, {})
         names = entries.get(f"{parent}/{tag}", entries.get(tag))
         return None if names is None else names.split()
@@ -301,13 +301,13 @@ class _ElementWalk:
         return any(all(has.get(key) == value for key, value in case.items()) for case in cases)
 
     def _has_no_effect(self, attribute: str, value: str, name: str) -> bool:
-        """Return True if the value is neutral or equals the description's."""
+        """Return True if the value is neutral or equals the value in the description."""
         idle = self.table["neutral"].get(attribute), self.own.get(name, {}).get(attribute)
         return _numbers(value) in map(_numbers, filter(None, idle))
 
 
 def _plain(name: str) -> str:
-    """Remove the namespace from a name."""
+    """Remove the XML namespace from a name."""
     return name.rpartition("}")[2]
 
 

@@ -120,7 +120,7 @@ Table = tuple[str, Mapping[str, Any]]
 
 
 def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], last: Sequence[Table] = ()) -> str:
-    """Assemble the TOML text: `top`, followed by the tables of independent coordinates, `parts`, couplings, `last`."""
+    """Assemble the TOML text: `top`, the table of independent coordinates, `parts`, the couplings and `last`."""
     tables: list[Table] = [("[independent]", mechanism.independent)]
     if mechanism.axial:
         tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))

@@ -97,9 +97,9 @@ def _check_couplings(mechanism: Mechanism, length: float) -> None:
 def at_closed_home(mechanism: Mechanism) -> Mechanism:
     """Return the mechanism unchanged if its home pose closes the loops, or else with a solved home pose and a remark.
 
-    Independent coordinates keep their values if a regular pose within limits closes the loops there; the remaining
-    coordinates move as little as possible.
-    A singular home pose of all zeros counts as unspecified, e.g. a pose where all links lie on a line.
+    Independent coordinates keep their values if a regular pose within limits closes the loops at these values; the
+    remaining coordinates move as little as possible. A singular home pose with zero coordinates, e.g. with all links on
+    a line, counts as unspecified.
 
     Raises:
         ClosureError: The loops do not close at any pose.
@@ -128,7 +128,7 @@ def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Me
             not close the loops.
 
     Raises:
-        ClosureError: The assembly mode ends before the full change is reached, or the loops do not close near home.
+        ClosureError: The assembly mode ends before the full change, or the loops do not close near the home pose.
     """
     home, reached, step = mechanism.home, 0.0, 1.0
     while reached < 1.0:
@@ -153,7 +153,7 @@ def _is_regular(mechanism: Mechanism) -> bool:
 
 
 def _solve_home(mechanism: Mechanism) -> Mechanism:
-    """Return the mechanism; its home pose is the best pose that closes the loops."""
+    """Return the mechanism with the best pose that closes the loops as its home pose."""
     free = Loops(tree_of(with_limits(expected_reading(mechanism, "full", GRAVITY), mechanism)))
     held = replace(free, held=frozenset(mechanism.independent.values()))
     solved, open_by = list[tuple[int, Mechanism]](), list[str]()
@@ -172,14 +172,14 @@ def _solve_home(mechanism: Mechanism) -> Mechanism:
     if solved:
         return min(solved, key=itemgetter(0))[1]
     what = f"no pose closes its loops: the smallest gap reached is {few_of(open_by)}"
-    raise ClosureError(what, mechanism.where, "correct lengths or placements")
+    raise ClosureError(what, mechanism.where, "correct the lengths or placements")
 
 
 def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
-    """Find the poses that close all loops, best first, and the pose that comes nearest to closing them.
+    """Find the poses that close all loops, best first, and the pose that comes closest to closing the loops.
 
     Args:
-        held: Loops with locked independent coordinates; the conditioning of these loops ranks the poses.
+        held: The loops with independent coordinates locked; poses are ranked by the conditioning of these equations.
     """
     poses, nearest, smallest = list[Home](), loops.home, np.inf
     (first, *others), few = starts(loops, {}), min(FEW, 1 + WORK // len(loops.size))
@@ -204,13 +204,13 @@ def _is_fine(pose: Home) -> bool:
 
 
 def _rank(pose: Home, *, free: bool) -> tuple[Any, ...]:
-    """Return a sort key for poses: the distance from home, after the conditioning if all coordinates are free."""
+    """Return a sort key for poses: regularity, conditioning (if no coordinate is locked), distance from home."""
     *regular, condition, distance = pose.key()
     return (*regular, condition if free else 0.0, round(distance, 6), *np.round(-pose.q, 6))
 
 
 def _near_turns(loops: Loops, q: Array) -> Array:
-    """Move uncoupled hinges by whole turns to the angle nearest to home, if limits allow this."""
+    """Move uncoupled hinges by whole turns to the angle nearest to the home angle, if limits allow this."""
     coupled = {name for one in loops.reading.couplings.values() for name in one.named}
     q = q.copy()
     for name, place in loops.tree.places.items():
@@ -222,14 +222,14 @@ def _near_turns(loops: Loops, q: Array) -> Array:
 
 
 def _places(loops: Loops, q: Array) -> Array:
-    """Return the orientations of all bodies, and their origins in mechanism lengths. Shape (12 n_body,)."""
+    """Return the orientations of all bodies, and their origins divided by the length. Shape (12 n_body,)."""
     rest = np.zeros((1, len(loops.size)))
     bodies = move(loops.tree, TreeStates(q[None], rest, rest)).bodies
     return np.concatenate([bodies.R.ravel(), bodies.p.ravel() / loops.length])
 
 
 def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
-    """Convert coordinates of a reading to mechanism coordinates, except for joints outside loops. Shape (n_q,)."""
+    """Convert reading coordinates to mechanism coordinates; joints outside loops stay at home. Shape (n_q,)."""
     names, moved = [*loops.tree.places], mechanism.home.copy()
     values = np.where(loops.closing, q, loops.home)
     moved[mechanism.columns(mechanism.moving)] = values[[names.index(name) for name in mechanism.moving]]
@@ -243,7 +243,7 @@ def _at_home(mechanism: Mechanism, q: Array) -> Mechanism:
 
 
 def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
-    """Close loops that are nearly closed at home to rounding error by adjusting the moved coordinates. Shape (n_q,)."""
+    """Adjust the moved coordinates so that nearly closed loops close to rounding error. Shape (n_q,)."""
     system, home = loop_equations(layout(mechanism)), mechanism.home
     closed = system.correct(home, home[mechanism.independent_columns])
     home = home if closed is None else np.where(moved, closed[0], home)
@@ -256,14 +256,15 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
     way = home - mechanism.home
     most = int(np.argmax(np.abs(way) / size))
     sentence = (
-        f"the home pose was solved for: moved by up to {abs(way[most]):.2g} {mechanism.units[most]} ('{names[most]}')"
+        f"the home pose was solved for; it moved by up to {abs(way[most]):.2g} {mechanism.units[most]} "
+        f"('{names[most]}')"
     )
     if labels := [
         label for label, c in zip(mechanism.independent, mechanism.independent_columns, strict=True) if way[c]
     ]:
         as_written = mechanism.described(mechanism.home[mechanism.independent_columns])
         sentence = (
-            f"{sentence}, including {' and '.join(labels)}, as no regular pose within limits closes the loops "
+            f"{sentence}, including {' and '.join(labels)}, because no regular pose within limits closes the loops "
             f"at {as_written}"
         )
     if others:

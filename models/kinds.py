@@ -13,7 +13,8 @@ from screwgauge.reference.rotations import Array
 if TYPE_CHECKING:
     from screwgauge.models.machine import Element
 
-#: Largest distance, in machine lengths or rad, of lines that count as intersecting; and of points that coincide.
+#: Largest distance of lines that count as intersecting or parallel, and of points that count as coincident [machine
+#: lengths or rad].
 CLOSE, SAME = 1e-6, 1e-9
 
 
@@ -33,7 +34,7 @@ def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | No
 
 
 def letters_of(elements: Sequence[Element]) -> str:
-    """Return the letters of the elements, forwards or backwards, whichever is first alphabetically."""
+    """Return the letters of the elements, forwards or backwards, whichever comes first alphabetically."""
     letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[each.kind] for each in elements)
     return min(letters, letters[::-1])
 

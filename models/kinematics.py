@@ -34,7 +34,7 @@ _PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReadingTree(SpanningTree):
-    """A reading as a tree with one link per joint, in joint order; at home, hinges and slides have world axes.
+    """A reading as a tree with one link per joint, in joint order; hinge and slide frames have world axes at home.
 
     Attributes:
         reading: The reading itself.
@@ -96,14 +96,14 @@ def tree_of(reading: Reading) -> ReadingTree:
 
 
 def _carried_frame(joint: JointReading, pose: Array) -> Array:
-    """Return the frame that a joint carries at the home pose: with world axes for a hinge or slide, else body axes."""
+    """Return the frame that a joint carries at home, with world axes for a hinge or slide and body axes otherwise."""
     if FREEDOMS[joint.kind] == 1:
         return matrix(joint.centre, np.eye(3))
     return pose if joint.kind == "free" else matrix(joint.centre, pose[:3, :3])
 
 
 def _fixed(link: int, pose: Array, there: Array) -> FixedFrame:
-    """Express a world pose as a frame of a link with a known pose."""
+    """Express a world pose relative to a link with a known pose."""
     R = pose[:3, :3].T
     return FixedFrame(link, R @ there[:3, :3], R @ (there[:3, 3] - pose[:3, 3]))
 
@@ -114,7 +114,7 @@ def gravity_of(reading: Reading) -> Array:
 
 
 def size(reading: Reading) -> float:
-    """Return a characteristic length: the largest distance of a joint or body from the centroid of all of these [m]."""
+    """Return a characteristic length: the largest distance of a joint or body from the centroid of all points [m]."""
     points = [joint.centre for joint in reading.joints.values()]
     points += [body.centre for body in reading.bodies.values()]
     spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
@@ -122,7 +122,7 @@ def size(reading: Reading) -> float:
 
 
 def length_of(reading: Reading) -> float:
-    """Return twice the largest distance of a point from the centroid at the home pose [m], or 1 if all coincide."""
+    """Return twice the largest distance of a point from the centroid at the home pose [m]; 1 if all points coincide."""
     points = [body.centre for body in reading.bodies.values()]
     points += [body.pose[:3, 3] for body in reading.bodies.values()] + [np.zeros(3)]
     cloud = np.array([*points, *(joint.centre for joint in reading.joints.values())])
@@ -155,7 +155,7 @@ def home(reading: Reading) -> TreeStates:
 
 
 def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
-    """Draw n random states near home, for loops that do not close everywhere.
+    """Draw n random states near the home pose, for loops that do not close everywhere.
 
     Args:
         units: Scale of each velocity. Shape (n_freedom,).

@@ -22,7 +22,7 @@ CUTS = ("minimal", "full")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Freedom:
-    """A joint with one degree of freedom.
+    """A single degree of freedom of a joint.
 
     Attributes:
         axis: Direction in the joint frame. Shape (3,).
@@ -120,7 +120,7 @@ class Closure:
         return [(str(i), Frame(near), Frame(far)) for i, (near, far) in enumerate(points, 1)]
 
     def frames(self) -> Iterator[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:
-        """Yield pairs of coinciding frames, each with name, link to which the frame is fixed, and placement there."""
+        """Yield pairs of coinciding frames; each frame is given by its name, its link and its placement there."""
         for number, *placed in self.pairs:
             near, far = (frame if self.type == "weld" else Frame(frame.p) for frame in placed)
             yield (f"{self.joint}@parent{number}", self.parent, near), (f"{self.joint}@child{number}", self.child, far)
@@ -161,7 +161,7 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
 
     Raises:
         UnknownNameError: The cut is not one of `CUTS`.
-        DescriptionError: A body or coupling has a name that the models need for something else.
+        DescriptionError: A body or coupling has a name that is reserved for the model files.
     """
     if cut not in CUTS:
         raise UnknownNameError("cut", cut, CUTS)
@@ -223,7 +223,7 @@ def _weld(link: Link) -> Closure:
 
 
 def _points(joint: Joint, half: float) -> Closure:
-    """Build the point closure of a cut joint; a hinge gets two points at a distance of `half` [m] from its middle."""
+    """Build the point closure of a cut joint; a hinge gets two axis points at a distance `half` [m] from its origin."""
     kind, arms = "point", np.zeros((1, 3))
     if POINTS[joint.kind] == 2:
         kind, arms = "points", half * np.array([joint.axes[0], -joint.axes[0]])

@@ -55,7 +55,7 @@ class Element:
 
     @property
     def direction(self) -> Array:
-        """Unit vector along a hinge or slide. Shape (3,)."""
+        """Unit vector along the axis of a hinge or slide. Shape (3,)."""
         return self.screw[3:] if self.kind == "slide" else self.screw[:3]
 
     def reversed(self) -> Element:
@@ -78,8 +78,8 @@ class Link:
         elements: Joints of the link, from the near body outwards.
         kind: R, P, C, U, S or F, or else the letters of the elements.
         centre: Intersection of the axes of a U or S link [m], shape (3,); None for other kinds.
-        step: Displacement of the link's end on the far body that closes open loops; None for closed loops. Shape (4,
-            4).
+        step: Displacement that closes open loops when applied to the link's end on the far body; None for closed loops.
+            Shape (4, 4).
     """
 
     near: str
@@ -137,7 +137,7 @@ class Link:
         return replace(self, near=near, far=far)
 
     def joins(self, body: str) -> bool:
-        """Return True if the link connects the given body."""
+        """Return True if a body is one of the two bodies of the link."""
         return body in (self.near, self.far)
 
 
@@ -205,7 +205,7 @@ class Machine:
 
 
 def machine_of(reading: Reading) -> Machine:
-    """Build the normal form at a pose that closes the loops, if such a pose is near home."""
+    """Build the normal form at a pose that closes the loops, or at the home pose if no such pose is near."""
     machine = graph_at_home(at_closed_pose(reading))
     machine = contract(machine, [name for name, body in machine.bodies.items() if not body.solid])
     idle = [link for link in machine.links if link.kind == "F" and _is_held(machine, link)]
@@ -273,7 +273,7 @@ def graph_at_home(reading: Reading) -> Machine:
 def _owners(
     bodies: Sequence[str], rigid: Iterable[tuple[str, str, Array | None]]
 ) -> tuple[dict[str, str], dict[str, Array], list[tuple[str, str]]]:
-    """Return body -> body that contains it; body -> displacement that closes open loops, (4, 4); and the merged pairs.
+    """Return body -> merged body; body -> displacement that closes open loops, shape (4, 4); and the merged pairs.
 
     Args:
         rigid: Pairs of rigidly connected bodies, and the displacement of the second body that closes their gap, if any.
@@ -298,8 +298,8 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
     """Return pairs of bodies that closures merge, and links through one common point or two points of a common axis.
 
     Returns:
-        Pairs of bodies, each with the displacement of the second body that closes the gap, shape (4, 4), or None if it
-        is closed; and the links.
+        Pairs of bodies, each with the displacement of the second body that closes the gap, shape (4, 4), or None if
+        there is no gap; and the links.
     """
     rigid, points = list[tuple[str, str, Array | None]](), dict[tuple[str, str], dict[str, Array]]()
     for name, closure in reading.closures.items():

@@ -114,7 +114,7 @@ def displace(matter: Matter, T: Array) -> Matter:
 
 
 def is_same(first: Matter, second: Matter) -> bool:
-    """Return True if two bodies are equal to the last bit."""
+    """Return True if the mass properties of two bodies are equal to the last bit."""
     pairs = ((first.com, second.com), (first.inertia, second.inertia))
     return first.mass == second.mass and all(np.array_equal(a, b) for a, b in pairs)
 
@@ -172,7 +172,7 @@ def _parameters(matter: Matter) -> tuple[Array, Array, Array]:
 
 
 def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tuple[int, Matter]:
-    """Return the part that has to change least to account for a change of the whole body, and the changed part.
+    """Return the part that has to change least to account for a change in the whole body, and the changed part.
 
     Args:
         parts: Index -> part, in the frame of the body; in case of a tie, the first part is chosen.
@@ -210,7 +210,7 @@ def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[i
 
 
 def divide(parts: Mapping[int, Matter], after: Matter) -> dict[int, Matter]:
-    """Divide a body among its parts in proportion to their masses, about a common centre of mass."""
+    """Divide a body among its parts in proportion to their masses; all parts get the body's centre of mass."""
     whole = sum(part.mass for part in parts.values())
     shares = {i: part.mass / whole for i, part in parts.items()}
     return {i: Matter(share * after.mass, after.com, share * after.inertia) for i, share in shares.items()}

@@ -48,7 +48,7 @@ def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
     """Format a tensor in the axes of its body as attributes of an ``<inertial>``. Shape (3, 3).
 
     Args:
-        allowed: Replace a tensor that MuJoCo rejects by the nearest accepted tensor, see `mass_properties`.
+        allowed: Replace a tensor that MuJoCo rejects with the nearest accepted tensor, see `mass_properties`.
     """
     least, middle, largest = np.linalg.eigvalsh(I)
     room, excess = max(ROOM * largest, ABOVE), largest - least - middle
@@ -61,7 +61,7 @@ def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
 
 
 def principal(I: Array) -> tuple[Array, Array | None]:
-    """Compute the principal moments of a tensor, shape (3,), and the quaternion of the axes; None for body axes."""
+    """Compute the principal moments of a tensor, shape (3,), and the quaternion of the axes (None for body axes)."""
     if not np.any(I - np.diag(np.diag(I))):
         return np.diag(I).copy(), None
     moments, axes = np.linalg.eigh(I)
@@ -83,7 +83,7 @@ def _is_zero(moments: Array) -> Array:
 
 
 def without_stand_ins(mass: Array, moments: Array) -> tuple[Array, Array]:
-    """Replace `LEAST` by zero in the masses, (n,), and principal moments, (n, 3), of a loaded model."""
+    """Replace `LEAST` with zero in the masses, (n,), and principal moments, (n, 3), of a loaded model."""
     moments = np.where(moments <= LEAST, 0.0, moments)
     return np.where((mass <= LEAST) & ~moments.any(axis=1), 0.0, mass), moments
 
@@ -93,7 +93,7 @@ MOMENTS = "screwgauge.moments."
 
 
 def mass_properties(model: Any) -> tuple[Array, Array]:
-    """Return the masses, (n,), and principal moments, (n, 3), that a loaded model stands for, see `MOMENTS`."""
+    """Return the true masses, (n,), and principal moments, (n, 3), of a loaded model, see `MOMENTS`."""
     masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
     names = {model.body(i).name: i for i in range(model.nbody)}
     for k in range(model.nnumeric):
@@ -110,11 +110,11 @@ def _is_refused(body: Body) -> bool:
 
 
 def stand_in_sentence(names: Sequence[str]) -> Iterator[str]:
-    """Yield a message about moments that stand for zero and are set to zero after loading."""
+    """Yield a message about small moments that are written instead of zero, and set to zero after loading."""
     if names:
         yield (
             f"MuJoCo rejects moments of inertia of zero: {LEAST:g} kg m^2 replaces them in "
-            f"{first_few(names, SHOWN)}; the engine mujoco restores zero after loading, other programs do not"
+            f"{first_few(names, SHOWN)}; the engine mujoco restores zero after loading, but other programs do not"
         )
 
 
@@ -127,7 +127,8 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
     if beyond:
         yield (
             f"MJCF: MuJoCo rejects A + B < C: the largest moment of {first_few(beyond, SHOWN)} is written as A + B; "
-            f"the engine mujoco restores that moment ({MOMENTS}... of <custom>) after loading, other programs do not"
+            f"the engine mujoco restores that moment ({MOMENTS}... of <custom>) after loading, "
+            "but other programs do not"
         )
     for name, its in moments.items():
         if name in beyond:
@@ -135,7 +136,7 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
         off = float(np.abs(without_stand_ins(np.ones(1), _acceptable(its)[None])[1] - its).max())
         if off > ROUNDING * float(its.max()):
             yield (
-                f"MJCF: a principal moment of {name} differs from the description by {off:.2g} kg m^2, as MuJoCo "
+                f"MJCF: a principal moment of {name} differs from the description by {off:.2g} kg m^2, because MuJoCo "
                 "rejects moments that are too small or violate A + B >= C"
             )
 
@@ -220,8 +221,8 @@ def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[s
 def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Element]:
     """Nest the bodies; the ground is a fixed body that carries all other bodies.
 
-    Pinocchio reads only the first body below worldbody, and only bodies with an inertial; therefore, the ground is
-    written as a massless body.
+    Pinocchio reads only the first body below worldbody, and only bodies with an ``<inertial>``; therefore, the ground
+    is written as a massless body.
     """
     bodies = {GROUND: ET.SubElement(world, "body", name=GROUND)}
     ET.SubElement(bodies[GROUND], "inertial", pos="0 0 0", mass="0", diaginertia="0 0 0")
@@ -294,7 +295,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
     cut = {one.joint for one in lay_out(mechanism, "minimal").closures if one.type != "weld"}
     open_ = {c for joint in mechanism.joints if joint.name in cut for c in joint.coordinates}
     resist = (one for one in mechanism.resistances if one.coordinate in open_)
-    friction = (f"the MJCF of the minimal cut lacks {one.what} of '{one.coordinate}', which is cut" for one in resist)
+    friction = (f"the MJCF of the minimal cut lacks {one.what} at '{one.coordinate}', which is cut" for one in resist)
     return *couplings, *friction, *stand_ins(mechanism)
 
 
@@ -307,7 +308,7 @@ def why_not(coupling: Coupling) -> str:
 
 
 def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
-    """Add couplings as equalities of joints, or as equalities of fixed tendons if they involve several leading joints.
+    """Add couplings as equalities of joints, or of fixed tendons if several leading joints are involved.
 
     Coordinates and tendon lengths are zero at MuJoCo's qpos0, as in the description.
     """

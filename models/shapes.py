@@ -1,4 +1,4 @@
-"""Creates shapes for drawing a mechanism, and geoms, contacts and sensors of an MJCF."""
+"""Creates shapes for drawing a mechanism, and geoms, contacts and sensors for an MJCF."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def place_shapes(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape
 
 
 def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
-    """Return shapes, in the world frame, of parts that differ at the home pose: joints with their bodies, and axes.
+    """Return world-frame shapes of the other mechanism's joints, bodies and axes that differ at the home pose.
 
     Two joints are equal if their screws span the same motions and both or neither are driven; location along a
     sliding axis, order of parent and child, and names do not matter. Lengths are relative to the first mechanism.
@@ -190,7 +190,7 @@ def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str
 
 
 def _freedoms(mechanism: Mechanism, unit: float) -> list[tuple[Joint, Array, Array]]:
-    """Return each joint with the projector onto its motions at the home pose, and with its screws [1, `unit`]."""
+    """Return each joint with the projector onto its motions and its screws at the home pose, lengths in `unit`."""
     lay, found = layout(mechanism), list[tuple[Joint, Array, Array]]()
     at = pose(lay, mechanism.home[None])
     for joint in mechanism.joints:
@@ -224,9 +224,10 @@ def _body(body: Body, i: int, its: list[tuple[Joint, Frame]], unit: float, colou
 
 
 def mark(joint: Joint) -> tuple[str, Array]:
-    """Return the body on which the mark of a joint is drawn, and the mark's position in its frame [m]. Shape (3,).
+    """Return the body on which the mark of a joint is drawn, and the mark's position in that body [m]. Shape (3,).
 
-    The block of a guide on the ground belongs to the sliding body; between moving bodies, it is halfway along at home.
+    A slide on the ground is marked on the sliding body; between moving bodies, the mark is halfway along the slide at
+    the home pose.
     """
     if joint.slides == 1 and GROUND in joint.bodies:
         return next((body, frame.p) for body, frame in joint.sides if body != GROUND)
@@ -273,7 +274,7 @@ def _foot(joint: Joint, unit: float) -> Iterator[Shape]:
 
 @lru_cache(maxsize=2)
 def viewed_from(mechanism: Mechanism) -> Array:
-    """Return the direction to the viewer: face-on for a planar mechanism, else from the front with joints visible."""
+    """Return the direction to the viewer: face-on for a planar mechanism, or else frontal with joints visible."""
     every = place_shapes(mechanism)
     points = np.array([one.a for one in every if one.group == "masses" or one.kind in ("slide", "ball")])
     places = [place for _, place, _ in joint_marks(mechanism)]  # empty if all bodies are free
@@ -330,7 +331,7 @@ def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
 
 
 def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> None:
-    """Add a ball at each centre of mass, and bars from there to the joints of the body; skip copies of bodies.
+    """Add a ball at each body's centre of mass, and bars from there to its joints; skip copies of bodies.
 
     Args:
         solid: True if the geoms collide, False if they are only visible.
@@ -348,7 +349,7 @@ def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> N
 
 
 def _bar_ends(link: Link, tree: Tree) -> list[Array]:
-    """Return the joint points of a body; mirror a single joint point in the centre of mass to get a second point."""
+    """Return the joint points of a body; if it has only one, add its mirror image about the centre of mass."""
     ends: dict[tuple[float, ...], Array] = {}
     for joint in tree.mechanism.joints:
         for side, frame in joint.sides:

@@ -251,7 +251,7 @@ def test_choices_are_followed(gripper):
     mechanism = import_model(gripper, wanted).mechanism
     assert dict(mechanism.independent) == {"angle": "follower"}
     assert [joint.name for joint in mechanism.actuators] == ["follower"]
-    with pytest.raises(DescriptionError, match="2 coordinates of rank 1 for 1"):
+    with pytest.raises(DescriptionError, match="2 coordinates have rank 1, but the mechanism has 1"):
         import_model(gripper, Options(independent={"a": "follower", "b": "driver"}))
     with pytest.raises(ScrewgaugeError, match=r"--actuated: .*'nobody'"):
         import_model(gripper, Options(actuated=["nobody"]))

@@ -63,7 +63,7 @@ class LoopsFile:
 
 
 def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
-    """Build the loops file of a cut mechanism."""
+    """Build the content of the loops file for a mechanism, given its cut."""
     tree = lay_out(mechanism, cut)
     bodies = tuple(body.name for body in mechanism.bodies)
     named = mechanism.independent, mechanism.axial, mechanism.couplings
@@ -71,10 +71,10 @@ def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
 
 
 def write_loops(mechanism: Mechanism, cut: str) -> str:
-    """Write the loops file of a cut mechanism as TOML."""
+    """Format the loops file of a cut mechanism as TOML."""
     file = loops_of(mechanism, cut)
     head = {"mechanism": file.mechanism, "cut": file.cut, "bodies": file.bodies, "tree": file.tree}
-    top = ["# What the URDF beside this file cannot say; written by screwgauge models.", *lines(head)]
+    top = ["# Data that the URDF in the same folder cannot express; written by screwgauge models.", *lines(head)]
     joints = [(f"[joints.{key(joint.name)}]", _joint_entries(joint)) for joint in file.joints]
     closures = [("[[closures]]", _closure_entries(closure)) for closure in file.closures]
     return document(top, mechanism, joints, closures)
@@ -225,7 +225,7 @@ def with_loops_file(reading: Reading, path: Path) -> Reading:
 
 
 def place_in(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
-    """Return the body that contains a link, given the link or the joint that carries it, and the frame in that body."""
+    """Return the body that contains a link, and the link's frame there; `name` is the link or its joint."""
     place = reading.place(name)
     if place is None:
         links = [*reading.bodies, *reading.fixed, *(link for body in reading.bodies.values() for link in body.fixed)]

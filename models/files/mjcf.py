@@ -145,7 +145,7 @@ def orient(xml: XmlText, element: Element, R: Array) -> None:
 
 
 def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
-    """Set the axis of a joint and a point on it, in the frame of its body."""
+    """Set the axis of a joint and a point on that axis, in the frame of its body."""
     xml.set(joint, axis=vector_text(axis), pos=vector_text(point))
 
 
@@ -177,7 +177,7 @@ def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
 
 
 def put_tensor(xml: XmlText, inertial: Element, J: Array) -> None:
-    """Write a tensor in the axes of the body; remove its orientation, which MuJoCo rejects next to a full tensor.
+    """Write a full tensor in the axes of the body, and remove its orientation, which MuJoCo would reject.
 
     Args:
         J: Shape (3, 3).
@@ -191,14 +191,14 @@ def check_matter(xml: XmlText) -> None:
     """Reject an MJCF whose compiler settings change the mass properties in the file.
 
     Raises:
-        UnpatchableError: The compiler takes mass properties from geoms, or changes them after reading them.
+        UnpatchableError: MuJoCo's compiler derives mass properties from geoms, or changes them after reading.
     """
     settings = compilers(xml)
     if settings.get("inertiafromgeom") == "true":
         raise UnpatchableError('inertiafromgeom="true" takes mass properties from geoms and not from <inertial>')
     for name in _MENDING:
         if settings.get(name, "false") not in ("false", "0", "-1"):
-            raise UnpatchableError(f'{name}="{settings[name]}" changes mass properties after they were read')
+            raise UnpatchableError(f'{name}="{settings[name]}" changes mass properties after reading them')
 
 
 def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
@@ -214,7 +214,7 @@ def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
 
 
 def tell_body(xml: XmlText, body: Element, gravcomp: float) -> None:
-    """Set the share of a body's weight that is compensated."""
+    """Set the compensated fraction of a body's weight."""
     xml.set(body, gravcomp=number_text(gravcomp))
 
 
@@ -242,11 +242,11 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
                 xml.set(parts[name], coef=number_text(-factor * slope))
             xml.set(equality, polycoef=vector_text([factor * function.constant, 0.0, 0.0, 0.0, 0.0]))
             return
-    raise UnpatchableError(f"the file itself has no equality of joint '{coupling.joint}'")
+    raise UnpatchableError(f"the file itself has no equality for joint '{coupling.joint}'")
 
 
 def _tendon(xml: XmlText, equality: Element) -> dict[str, Element]:
-    """Return joint -> element in the fixed tendon that an equality keeps constant; empty for all other equalities."""
+    """Return joint -> element of the fixed tendon whose length an equality fixes; empty for all other equalities."""
     if equality.tag != "tendon" or equality.get("tendon2"):
         return {}
     tendons = (each for part in xml.root.iter("tendon") for each in part.children if each.tag == "fixed")
@@ -285,7 +285,7 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
         xml.set(entry, anchor=vector_text(second[:3, 3]), relpose=vector_text([*first[:3, 3], *q]))
     elif _differ(*ends[name], entry.tag):
         raise UnpatchableError(
-            f"the two points of '{name}' differ, but the file has one anchor for both: connect sites instead"
+            f"the two points of '{name}' differ, but the file has only one anchor for both; connect sites instead"
         )
     else:
         xml.set(entry, anchor=vector_text(first[:3, 3]))
@@ -299,10 +299,10 @@ def _differ(one: Array, other: Array, tag: str) -> bool:
 def _put_site(
     xml: XmlText, name: str, T: Array, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]
 ) -> None:
-    """Move a site to a world pose, provided that only closures that require this pose use the site."""
+    """Move a site to a world pose; reject a site that anything but closures with this pose uses."""
     site = next((element for element in xml.root.iter("site") if element.get("name") == name), None)
     if site is None or site.parent is None or site.parent.tag == "frame" or "fromto" in site.attributes:
-        raise UnpatchableError(f"site '{name}' is not placed by its pos in a body of the file itself")
+        raise UnpatchableError(f"the file itself has no body with a site '{name}' that is placed by pos")
     ties = _entries(xml, "equality")
     wanted = [(tie.tag, ends[key][i]) for key, tie in ties.items() for i in (0, 1) if tie.get(_SITES[i]) == name]
     others = [element for element in xml.root.iter() if element not in ties.values() and name in _values(element)]
@@ -380,7 +380,7 @@ def _forget(xml: XmlText, names: set[str]) -> None:
 
 
 def _references(part: Element) -> set[str]:
-    """Return the names that an element and its children contain, without the element's own name."""
+    """Return all attribute values of an element and its children, except their names."""
     return set().union(*map(_values, (part, *part.children)))
 
 

@@ -72,7 +72,7 @@ class Part:
     """A file with its includes merged.
 
     Attributes:
-        models: Name under which this file attaches a second file (empty if the second file defines the name) -> path.
+        models: Name of each attached model (empty if the attached file defines the name) -> path.
         included: Names of included files.
     """
 
@@ -83,7 +83,7 @@ class Part:
 
 
 def parts(root: ET.Element, path: Path, folder: Path | None = None) -> list[Part]:
-    """List a file and all files that it attaches, directly or indirectly; attached files come first, each once.
+    """List a file and all files that it attaches, directly or indirectly, once each; attached files come first.
 
     Args:
         root: Root element of the file.
@@ -168,7 +168,7 @@ def check_made(path: Path) -> None:
 
 
 def _check_sizes(root: ET.Element, where: str) -> None:
-    """Reject an MJCF that reserves too many numbers per element.
+    """Reject an MJCF that reserves too much user data or too many keyframes.
 
     Raises:
         DescriptionError: The file reserves too many user entries or keyframes.
@@ -179,7 +179,7 @@ def _check_sizes(root: ET.Element, where: str) -> None:
 
 
 def _count(maker: ET.Element) -> float:
-    """Return an upper bound on the number of copies of an element's content; MuJoCo rejects non-numeric counts."""
+    """Return an upper bound on the copies of an element's content; ignore non-numeric counts, which MuJoCo rejects."""
     words = maker.get("count", "10 10 10" if maker.tag == "flexcomp" else "").split()
     counts = [max(float(word), 1.0) for word in words if word.isdecimal()]
     return max(math.prod(counts), len(maker.get("point", "").split()) / 3)
@@ -210,10 +210,10 @@ _ALLOWED: ContextVar[tuple[Path, ...]] = ContextVar("_ALLOWED", default=())
 
 @contextmanager
 def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
-    """Allow models, within a `with` block, to refer to these files or to files in these folders, wherever they lie.
+    """Allow models, within a `with` block, to refer to files outside their own folder.
 
     Args:
-        names: Paths relative to the folder; a name without ``/`` is not a path and is ignored.
+        names: Paths of files or folders, relative to `folder`; a name without ``/`` is not a path and is ignored.
     """
     token = _ALLOWED.set(tuple((folder / name).resolve() for name in names if "/" in name))
     try:
@@ -226,7 +226,7 @@ def locate_file(path: Path, name: str, folder: Path, verb: str) -> Path:
     """Resolve the path of a file that a model file names.
 
     Args:
-        verb: How the model file uses the named file, for the error message.
+        verb: Verb for the error message, such as ``includes``.
 
     Raises:
         ModelFileError: The path is invalid or lies outside `folder`.
@@ -238,6 +238,6 @@ def locate_file(path: Path, name: str, folder: Path, verb: str) -> Path:
     if not any(map(file.is_relative_to, (folder, *_ALLOWED.get()))):
         what = f"{verb} '{name}', which lies outside its folder"
         raise ModelFileError(
-            what, str(path), "copy that file into the folder, or allow it (--allow PATH of import and run)"
+            what, str(path), "copy that file into the folder, or allow it (import and run: --allow PATH)"
         )
     return file

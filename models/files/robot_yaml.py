@@ -1,4 +1,4 @@
-"""Reads untrusted YAML, and the ``robot.yaml`` files that close the loops of URDFs of parallel robots."""
+"""Reads untrusted YAML, and ``robot.yaml`` files, which close the loops in the URDF of a parallel robot."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _loops(data: Mapping[str, Any], where: str) -> list[tuple[str, tuple[str, ..
     pairs = tuple(_texts(pair, f"{where}, closed_loop") for pair in loops)
     types = _texts(data.get("type"), f"{where}, type")
     if len(types) != len(pairs) or any(len(pair) != 2 for pair in pairs):
-        what = f"{len(pairs)} closed loops, {len(types)} types"
+        what = f"lists {len(pairs)} closed loops, but {len(types)} types"
         raise ModelFileError(what, where, "write a pair of names and a type, 3d or 6d, for each loop")
     for kind in types:
         if kind.lower() not in _KINDS:
@@ -49,11 +49,11 @@ def _loops(data: Mapping[str, Any], where: str) -> list[tuple[str, tuple[str, ..
 
 
 def _types(data: Mapping[str, Any], where: str) -> dict[str, str]:
-    """Return joint -> type in capitals, which replaces the type in the URDF."""
+    """Return joint -> type, in capitals, that replaces the joint's type in the URDF."""
     joints = _texts(data.get("joint_name"), f"{where}, joint_name")
     turned = _texts(data.get("joint_type"), f"{where}, joint_type")
     if len(joints) != len(turned):
-        what = f"{len(joints)} joint names, {len(turned)} joint types"
+        what = f"lists {len(joints)} joint names, but {len(turned)} joint types"
         raise ModelFileError(what, where, "write a type for each joint")
     if twice := [name for name, count in Counter(joints).items() if count > 1]:
         raise ModelFileError(f"names joint '{twice[0]}' twice", f"{where}, joint_name", "name it once")
@@ -116,7 +116,7 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
 
     where, text = str(path), read_file(path)
     check_count(len(text), "characters of YAML", where)  # PyYAML takes seconds to parse that many
-    check_count(_nesting(text), "nested brackets", where)  # and minutes for thousands of nested ones
+    check_count(_nesting(text), "nested brackets", where)  # and minutes for thousands of nested brackets
     try:
         data = _Composer(yaml.parse(text, Loader=yaml.SafeLoader), where).document()
     except (yaml.YAMLError, ValueError) as error:
@@ -127,7 +127,7 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
 
 
 def _nesting(text: str) -> int:
-    """Return the largest depth of nested brackets in a text."""
+    """Return the maximum nesting depth of brackets in a text."""
     steps = [1 if c in "[{" else -1 for c in text if c in "[]{}"]
     return max(accumulate(steps), default=0)
 
@@ -144,7 +144,7 @@ class _Composer:
         self.nodes = 0
 
     def document(self) -> Any:
-        """Compose the value of the only document; None for an empty file."""
+        """Compose the value of the file's only document; None for an empty file."""
         value, kinds = None, list[str]()
         for event in self.events:
             kinds.append(type(event).__name__)
@@ -218,7 +218,7 @@ class _Composer:
 
 
 def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
-    """Write the loops and motors of a cut mechanism as YAML; its URDF has the frames as links, see `Closure.frames`."""
+    """Format the loops and motors of a cut mechanism as YAML; frames are links of its URDF, see `Closure.frames`."""
     pairs, types = list[list[str]](), list[str]()
     for closure in lay_out(mechanism, cut).closures:
         for first, second in closure.frames():
@@ -230,5 +230,5 @@ def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
 
 
 def _flow(value: Sequence[object]) -> str:
-    """Format a list as YAML, of which JSON is a subset."""
+    """Format a list as JSON, which is also valid YAML."""
     return json.dumps(value, ensure_ascii=False)

@@ -40,7 +40,7 @@ def base_of(element: ET.Element) -> str:
 
 
 def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[list[Content], list[str]]:
-    """Replace includes with the models that they name; return the content found, and warnings about renamed joints.
+    """Replace includes with the models that they name; return the includes as content, and warnings on renamed joints.
 
     Raises:
         ModelFileError: The version is unknown, or an included model lies outside `folder` or is not a model.
@@ -72,7 +72,7 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
     path = folder / path.name if uri.startswith("model://") else path  # models are sibling folders
     if "://" in name:
         raise ModelFileError(
-            f"includes '{uri}', which is not on this computer", str(path), "copy that model into its folder"
+            f"includes '{uri}', which is not a local file", str(path), "copy that model into the folder of this file"
         )
     file = locate_file(path, name, folder, "includes")
     if is_file(file):
@@ -83,10 +83,12 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
 
 
 def _merge_include(include: ET.Element, root: ET.Element, file: Path) -> ET.Element:
-    """Return the only model of a file, with the name, pose and further elements of its include."""
+    """Return the only model of a file, with the name, pose and further elements of the include that names the file."""
     models = root.findall("model")
     if len(models) != 1:
-        raise ModelFileError(f"contains {len(models)} models, but is included as one", str(file), "keep one model")
+        raise ModelFileError(
+            f"contains {len(models)} models, but an included file must contain one", str(file), "keep one model"
+        )
     (model,) = models
     given = [each for each in include if each.tag not in _OF_INCLUDES]
     replaced = {each.tag for each in given} & {"pose", "static"}
@@ -98,7 +100,7 @@ def _merge_include(include: ET.Element, root: ET.Element, file: Path) -> ET.Elem
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A link, joint, frame or model as a frame. All names are full names, except for the placement frame of a model.
+    """A link, joint, frame or model, treated as a frame. Names are full names, except a model's placement frame.
 
     Attributes:
         scope: Prefix of the names that the element uses.
@@ -106,7 +108,7 @@ class Frame:
         carrier: Frame with which the frame moves; for a link, the link itself.
         base: Frame relative to which the frame is placed; empty for the world.
         placed: Frame whose pose relative to `base` is given: the frame itself, or a model's placement frame.
-        still: True if the model of the frame is static.
+        still: True if the frame belongs to a static model.
     """
 
     element: ET.Element
@@ -162,7 +164,7 @@ class Frames:
         """Compute the poses of all frames.
 
         Raises:
-            ModelFileError: A frame is placed relative to itself, or to a missing frame.
+            ModelFileError: A frame is placed relative to itself or to a missing frame.
         """
         steps = defaultdict[str, list[tuple[str, Array]]](list)
         for frame in self.by_name.values():
@@ -190,7 +192,7 @@ class Frames:
         return key
 
     def short(self, name: str) -> str:
-        """Return the name of a link or joint in the reading."""
+        """Return the name that a link or joint has in the reading."""
         return name.removeprefix(self.alone)
 
     def at(self, name: str) -> Array:

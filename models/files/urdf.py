@@ -1,7 +1,7 @@
 """Writes the tree of a mechanism as URDF, reads any URDF link by link, and edits its text.
 
 In written files, the frame of a link is the body frame of the description, and the intermediate links of composite
-joints lack an inertial. A separate file in the same folder closes the loops: see `files.loops`.
+joints have no ``<inertial>``. A separate file in the same folder closes the loops: see `files.loops`.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
 
     Args:
         cut: ``minimal`` or ``full``.
-        include: ``limits`` writes the description's finite limits, not wide limits; ``yaml`` adds the frames that a
-            ``robot.yaml`` names.
+        include: ``limits`` writes the finite limits of the description instead of wide limits; ``yaml`` adds the
+            frames that a ``robot.yaml`` names.
     """
     tree = lay_out(mechanism, cut)
     robot = ET.Element("robot", name=mechanism.name)
@@ -82,7 +82,7 @@ def _add(robot: ET.Element, link: Link, limited: bool) -> None:
 
 
 def frame_link(link: Link) -> str:
-    """Return the name of the massless link at the frame of the joint on the far body."""
+    """Return the name of the massless link at the joint's frame on the far body."""
     return f"{link.original}@{link.joint.name}.frame"
 
 
@@ -131,8 +131,8 @@ def check_tree(root: ET.Element, where: str) -> None:
     """Reject a URDF whose joints do not connect all its links into a tree.
 
     Raises:
-        ModelFileError: A joint lacks a parent or child, a link is the child of two joints, or the number of roots is
-            not one.
+        ModelFileError: A joint lacks a parent or child, a link is the child of two joints, or the URDF does not have
+            exactly one root link.
         UnknownNameError: A joint connects a missing link, or mimics a missing joint.
     """
     links = [link.get("name", "") for link in root.iterfind("link")]
@@ -186,7 +186,7 @@ def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
 
 
 def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
-    """Read a URDF and replace each fixed joint of a description with a hinge.
+    """Read a URDF and replace with a hinge each joint that is fixed in a description.
 
     Raises:
         ModelFileError: The file cannot be read, or `with_hinges` rejects it.
@@ -195,12 +195,12 @@ def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
 
 
 def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
-    """Replace each fixed joint of a description with a hinge about the joint's z axis.
+    """Replace the fixed joints of a description, in the text of a URDF, with hinges about the joints' z axes.
 
-    A coupling of the description keeps the hinge at a constant angle.
+    A coupling in the description keeps each hinge at a constant angle.
 
     Raises:
-        ModelFileError: The location of a fixed joint on the link that it carries differs from the description's.
+        ModelFileError: A fixed joint's location on the link that it carries differs from that in the description.
     """
     fixed = {joint.name: joint for joint in joints if joint.fixed}
     if not fixed:
@@ -212,7 +212,7 @@ def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
         link, (name, _, mounted) = carried_link(element), carried_link(element).partition("@")
         frame, sign = (joint.parent_frame, -1.0) if name == joint.parent else (joint.child_frame, 1.0)
         if not mounted and frame.p.any():
-            what = f"its fixed joint '{joint.name}' is placed differently on link {link} than in the description"
+            what = f"places fixed joint '{joint.name}' differently on link {link} than the description does"
             raise ModelFileError(what, where, "write the models again, and use the new files")
         element.set("type", "revolute")
         ET.SubElement(element, "axis", xyz=vector_text(sign * (frame.R[:, 2] if not mounted else np.eye(3)[2])))
@@ -248,7 +248,7 @@ def without_shapes(root: ET.Element) -> list[Content]:
     for material in root.findall("material"):
         root.remove(material)
     weightless = {link.get("name", "") for link in root.iterfind("link") if link.find("inertial") is None}
-    phrase = "mesh of link {}, from which MuJoCo would take its mass"
+    phrase = "mesh of link {}, from which MuJoCo would compute the link's mass"
     names = dict.fromkeys(touching)
     content += [Content("mass from meshes", phrase.format(name)) for name in names if name in weightless]
     return content + [Content("contacts of geoms", "collision", f" of link {name}") for name in names]
@@ -362,7 +362,7 @@ def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
 
 
 def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
-    """Set the coefficients of a joint that mimics a second joint."""
+    """Set the coefficients of a joint that mimics another joint."""
     function = coupling.function
     if joint.find("mimic") is None or len(function.terms) > 1 or not function.linear:
         raise UnpatchableError(f"joint '{coupling.joint}' does not mimic exactly one joint linearly")

@@ -1,4 +1,4 @@
-"""Opens USD stages whose layers lie in the folder of the stage, and lists their physics as XML elements."""
+"""Opens USD stages whose layers are all in the folder of the stage, and lists their physics as XML elements."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def is_joint(prim: Any) -> bool:
 
 
 def names_of(some: list[Any]) -> list[str]:
-    """Return the names of prims; replace names that occur several times by full paths."""
+    """Return the names of prims; replace names that occur several times with full paths."""
     short = [prim.GetName() for prim in some]
     return [
         n if short.count(n) == 1 else str(p.GetPath())[1:].replace("/", ".") for n, p in zip(short, some, strict=True)

@@ -23,7 +23,7 @@ def parse(path: Path) -> ET.Element:
     """Parse an XML file without resolving namespace prefixes, which robot files often do not declare.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, is not XML, declares entities, or nests too deeply.
+        ScrewgaugeError: The file cannot be read, is not XML, declares entities, or is nested too deeply.
     """
     builder, parser, depth = ET.TreeBuilder(), expat.ParserCreate("utf-8"), 0
 
@@ -107,7 +107,7 @@ class Element:
     """An element and its position in the text.
 
     Attributes:
-        start, stop: Index of the first character of its start tag, and the index after that tag.
+        start, stop: Index of the first character of the start tag, and the index after that tag.
         end: Index after the whole element.
     """
 
@@ -138,7 +138,7 @@ class Element:
 
 
 class XmlText:
-    """An XML text and the pending edits.
+    """An XML text and its pending edits.
 
     Attributes:
         root: Outermost element.
@@ -223,7 +223,7 @@ class XmlText:
         self._inserted.setdefault(element, []).append(spelled)
 
     def replace(self, element: Element, text: str = "") -> None:
-        """Replace an element and everything in it with a text."""
+        """Replace an element, including its content, with a text."""
         self._replaced[element] = text
 
     def unwrap(self, element: Element) -> None:
@@ -274,7 +274,7 @@ class XmlText:
 
 
 class UnpatchableError(Exception):
-    """A change that cannot be written into a file; the message gives the reason."""
+    """Raised for a change that cannot be written into a file; the message gives the reason."""
 
 
 @dataclass(slots=True, eq=False)
@@ -289,8 +289,8 @@ class TextLink:
         frame: World pose at the file's initial coordinates. Shape (4, 4).
         matter: Mass properties in the frame of the link; None if the file derives them from geoms.
         turn: Orientation of the axes in which the file gives the inertia tensor. Shape (3, 3).
-        base: Pose of the frame relative to which `mount` is placed, in `near`; not the identity for MJCF bodies in a
-            ``<frame>``. Shape (4, 4).
+        base: Pose, in `near`, of the frame relative to which `mount` is placed; the identity except for MJCF bodies in
+            a ``<frame>``. Shape (4, 4).
     """
 
     name: str

@@ -35,7 +35,7 @@ def assemble(
         The reading with that home pose, and sentences on which coordinates moved and why.
 
     Raises:
-        ClosureError: A loop does not close from any start.
+        ClosureError: A loop does not close from any starting pose.
     """
     loops = Loops(tree_of(reading))
     home, why = choose_home(loops, keyframes, where)
@@ -64,9 +64,9 @@ def _sentences(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, .
             f"Rounding in the file leaves loops slightly open; frames are moved to close them: {rounding}."
         )
     if tight := [f"'{name}'" for name, (low, high) in limits(loops) if not low < high]:
-        sentences.append(f"Limits of {few_of(tight)} leave no range and are left out.")
+        sentences.append(f"The limits of {few_of(tight)} leave no range of motion and are left out.")
     if chosen.beyond:
-        sentences.append(f"Loops or couplings keep {few_of(chosen.beyond)} outside limits, which are left out.")
+        sentences.append(f"Loops or couplings keep {few_of(chosen.beyond)} outside limits; these limits are left out.")
     return tuple(sentences)
 
 
@@ -81,7 +81,7 @@ HIDDEN = 1e-4
 
 
 #: Remedy to suggest for such values.
-FULL = "write angles and axes with all digits, pi/2 as 1.5707963267948966"
+FULL = "write angles and axes with all digits, e.g. pi/2 as 1.5707963267948966"
 
 
 def rounding_sentence(hidden: Array) -> str:
@@ -137,7 +137,7 @@ def choose(
         chosen = dict(independent)
         rank = linear.rank(K[[names.index(name) for name in chosen.values()]])
         if not rank == len(chosen) == K.shape[1]:
-            what = f"{len(chosen)} coordinates of rank {rank} for {K.shape[1]} degrees of freedom"
+            what = f"{len(chosen)} coordinates have rank {rank}, but the mechanism has {K.shape[1]} degrees of freedom"
             raise DescriptionError(
                 what, f"{where}, --independent", f"choose {K.shape[1]} coordinates that determine the motion"
             )
@@ -156,7 +156,7 @@ DRIVEN = 1
 
 
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:
-    """Return columns of coordinates in order of preference: free, driven, simple and remaining joints."""
+    """Return columns of coordinates in tiers, best first: free, driven, simple and remaining joints."""
     tiers: list[list[int]] = [[], [], [], []]
     coupled = {coupling.coordinate for coupling in mechanism.couplings}
     for joint in mechanism.joints:

@@ -84,7 +84,7 @@ def _solve_linear(couplings: Couplings, leading: Collection[str]) -> Couplings:
 
 
 def _reduce(system: Array, ranks: Sequence[Sequence[bool]]) -> list[int]:
-    """Reduce rows to echelon form in place; each pivot is the largest entry in a column of the highest rank.
+    """Reduce rows to echelon form in place; the pivot of a row is its largest entry in a column of the highest rank.
 
     Args:
         system: Equations; the last column has the constants. Shape (m, n + 1).

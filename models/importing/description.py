@@ -49,7 +49,7 @@ def import_description(path: Path) -> tuple[Imported, str]:
 
 
 def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
-    """Replace the homes of joints in the text of a description; return None if the text cannot be kept."""
+    """Replace the home values of joints in the text of a description; return None if the text cannot be kept."""
     text = read_file(path)
     tables = tomllib.loads(text)
     if is_path(str(tables.get("extends", ""))):  # the relative path may not be valid in a different folder
@@ -65,7 +65,7 @@ def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
 
 
 def _texts(text: str, name: str, home: str) -> Iterator[str]:
-    """Yield texts with the home entry of a joint at each possible location; the last text adds a separate table."""
+    """Yield versions of the text with a joint's home entry at each possible place; the last adds a separate table."""
     quoted = rf"(?:\"{re.escape(name)}\"|'{re.escape(name)}'|{re.escape(name)})"
     for place, new in _PLACES:
         for match in re.finditer(place.format(quoted), text, re.MULTILINE | re.DOTALL):

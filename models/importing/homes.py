@@ -69,7 +69,9 @@ class Home:
 
 
 def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: str) -> tuple[Home, tuple[str, ...]]:
-    """Choose the best closed pose: regular, within limits, well conditioned, near; the file's home is kept if closed.
+    """Choose the best closed pose: regular, within limits, well conditioned and near the file's own home pose.
+
+    The search keeps the file's own home pose if it is closed, regular and within limits.
 
     Args:
         keyframes: Further poses in the file: name -> joint -> coordinate [rad or m].
@@ -78,7 +80,7 @@ def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], wher
         The pose, and sentences that explain why it is not the closed pose nearest to the file's own home pose.
 
     Raises:
-        ClosureError: A loop does not close from any start.
+        ClosureError: A loop does not close from any starting pose.
     """
     homes, nearest, tried = list[Home](), (loops.home, np.inf), 0
     for start, begin in starts(loops, keyframes):
@@ -140,7 +142,7 @@ def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterat
 
 
 def _interpolate(loops: Loops, names: Sequence[str], share: Array) -> Array:
-    """Return home with the named joints moved to a fraction of the range between their limits. `share`: shape (n,)."""
+    """Return home coordinates with named joints moved to fractions of their ranges. `share`: fractions, shape (n,)."""
     q = loops.home.copy()
     for name, part in zip(names, share, strict=True):
         low, high = loops.reading.joints[name].limits
@@ -241,7 +243,7 @@ LATEST = 8  # number of poses whose equations are cached: evaluating a step need
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loop equations of a tree, in model lengths; coordinates have shape (n_coordinate,).
+    """The loop equations of a tree, with distances in model lengths; coordinates have shape (n_coordinate,).
 
     Attributes:
         held: Joints that are locked at their home coordinates.
@@ -346,11 +348,11 @@ class Loops:
         return gap / unit, rows / unit[:, None] * self.size * self.free
 
     def stepped(self, q: Array, step: Array) -> Array:
-        """Return the coordinates after a dimensionless step, shape (n_freedom,), along all velocities."""
+        """Return the coordinates after a dimensionless step of shape (n_freedom,)."""
         return np.asarray(move_joints(self.tree, q[None], (step * self.size)[None])[0])
 
     def newton(self, q: Array) -> tuple[Array, float]:
-        """Close the loops from given coordinates with the shortest steps (Levenberg-Marquardt).
+        """Close the loops by minimum-norm steps from given coordinates (Levenberg-Marquardt).
 
         Returns:
             Final coordinates and their largest residual.

@@ -65,7 +65,9 @@ def prune(machine: Machine, followed: Collection[str]) -> Machine:
         for name, link in idle.items():
             links.remove(link)
             del bodies[name]
-            remarks.append(f"'{name}' has no mass and carries nothing; it is left out with {few_names(link.joints)}.")
+            remarks.append(
+                f"'{name}' has no mass and carries no other body; it is left out with {few_names(link.joints)}."
+            )
 
 
 def followed_joints(reading: Reading) -> set[str]:
@@ -115,7 +117,7 @@ def _single(part: tuple[Element, ...]) -> bool:
 
 
 def _single_joint(element: Element, link: Link, machine: Machine) -> Group:
-    """Make a single element a separate joint: hinge, slide, ball, free joint, or the hinge that closures form."""
+    """Turn an element into a separate joint: a hinge, slide, ball or free joint, or the hinge that closures form."""
     name = element.joint or pin_name(element.closures)
     if FREEDOMS[element.kind] > 1:
         kind = "S" if element.kind == "ball" else "F"
@@ -133,7 +135,7 @@ def pin_name(closures: Sequence[str]) -> str:
 
 
 def _freedoms(part: Iterable[Element], reading: Reading) -> dict[str, JointReading]:
-    """Return the hinges and slides of the reading, seen from the near side."""
+    """Return the hinges and slides of the reading, with screws as seen from the near side."""
     return {each.joint: replace(reading.joints[each.joint], screw=each.screw) for each in part}
 
 
@@ -180,7 +182,7 @@ def _orthogonal(E: Array) -> bool:
 
 
 def at_zero(axes: Sequence[JointReading], R: Array) -> tuple[Array, Array]:
-    """Return the joint axes at zero coordinates, in the axes of the child at its home pose, and the total rotation.
+    """Return the joint axes at zero coordinates, in the child's axes at the home pose, and the total rotation.
 
     In the serial product of rotations, the last axis is expressed in the child frame; each earlier axis is expressed in
     the frame that results from undoing the subsequent rotations.
@@ -199,13 +201,13 @@ def _unit(v: Array) -> Array:
 
 
 def _tidy(R: Array) -> Array:
-    """Round the entries of a rotation that are nearly zero or one."""
+    """Round the entries of a rotation matrix that are nearly zero or one."""
     near = np.round(R)
     return np.where(np.abs(R - near) < 2.0 * NOTHING, near, R) + 0.0
 
 
 def frame(pose: Array, R: Array, point: Array, length: float) -> Frame:
-    """Express a world frame as a frame of a body with the given pose."""
+    """Express a frame, given in the world, relative to a body with the given pose."""
     p = pose[:3, :3].T @ (point - pose[:3, 3])
     return Frame(np.where(np.abs(p) < NOTHING * length, 0.0, p) + 0.0, _tidy(pose[:3, :3].T @ R))
 
@@ -249,7 +251,7 @@ def bounds(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def ball(name: str, kind: str, near: Array, far: Array, point: Array) -> Group:
-    """Build a ball (S) or free joint (F) with zero home angles; a free joint has the axes of its parent.
+    """Build a ball (S) or free joint (F) with zero home angles; the axes of a free joint are the parent's axes.
 
     Args:
         near, far: Poses of the bodies that the joint connects. Shape (4, 4).

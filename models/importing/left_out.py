@@ -1,4 +1,4 @@
-"""Converts content of a model file that descriptions lack to data that a run measures, or rejects it by name."""
+"""Converts model-file content that descriptions cannot express to forces that a run measures, or rejects the file."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def left_out_of_model(reading: Reading, where: str) -> tuple[LeftOut, ...]:
 
 
 def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
-    """Return all omitted forces, by the names used in the file.
+    """Return all omitted forces, named as in the file.
 
     Args:
         reading: Reading of the file.
@@ -137,7 +137,7 @@ def _damper(model: Any, owner: str, i: int) -> Powers:
 
 
 def _law(model: Any, array: str, i: int) -> Powers:
-    """Return the coefficients of a force law; since version 4.0, MuJoCo has several coefficients."""
+    """Return the coefficients of a force law, of which MuJoCo has several since version 4.0."""
     arrays = [getattr(model, name) for name in (array, f"{array}poly") if hasattr(model, name)]
     return _powers(float(x) for values in arrays for x in np.ravel(values[i]))
 
@@ -165,12 +165,14 @@ def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
 
 
 def _path(model: Any, tendon: int, reading: Reading, where: str) -> tuple[tuple[str, Array], ...]:
-    """Return the bodies of the reading through which a tendon runs, and its points on these bodies."""
+    """Return the points through which a tendon runs, each with its body in the reading."""
     sites = sites_along(model, tendon)
     if sites is None:
-        what = f"tendon {model.tendon(tendon).name} exerts forces over geoms or pulleys, which cannot be measured"
+        what = (
+            f"tendon {model.tendon(tendon).name} runs over geoms or pulleys and exerts forces, which cannot be measured"
+        )
         raise ModelFileError(
-            what, where, "route it over sites, or remove its stiffness, damping, friction and armature"
+            what, where, "route it through sites only, or remove its stiffness, damping, friction and armature"
         )
     path = list[tuple[str, Array]]()
     for site in sites:
@@ -185,7 +187,7 @@ def _coordinates(model: Any, shares_of: Mapping[int, float], factor: float = 1.0
 
 
 def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
-    """Yield the rotors and dampers of actuators, multiplied by the square of the gear ratio."""
+    """Yield rotors and dampers of actuators, with coefficients multiplied by the square of the gear ratio."""
     for i in range(model.nu if hasattr(model, "actuator_armature") else 0):
         armature, damping = float(model.actuator_armature[i]), _damper(model, "actuator", i)
         if not (armature or damping):
@@ -245,10 +247,10 @@ def convert(
     names: Mapping[str, Mapping[str, str]],
     where: str,
 ) -> tuple[LeftOut, ...]:
-    """Convert omitted forces to names and frames of the description; drop forces of joints that are missing there.
+    """Convert omitted forces to names and frames of the description; drop forces of joints that `graph` lacks.
 
     Args:
-        left_out: Forces by the names used in the file.
+        left_out: Forces, named as in the file.
         graph: Machine from which the mechanism was made.
         names: ``bodies`` and ``joints`` -> name in the file -> name in the description.
 
@@ -297,7 +299,7 @@ def with_resistance(
             rest.append(replace(one, armature=0.0, friction=0.0, damping=() if linear else one.damping))
         actuator = actuators.get(one.of.removeprefix("actuator "))
         if one.armature and one.of.startswith("actuator ") and actuator:
-            own = f"{one.armature / actuator.gear**2:g} of {one.of} times the square of the gear {actuator.gear:g}"
+            own = f"armature {one.armature / actuator.gear**2:g} of {one.of} times its gear {actuator.gear:g} squared"
             unit = mechanism.units[mechanism.coordinates.index(name)]
             gears.append(f"Rotor of {name}: {taken['rotor']:g} {'kg m^2' if unit == 'rad' else 'kg'}, {own}.")
     joints = (_add_resistance(joint, amounts) for joint in mechanism.joints)
@@ -332,7 +334,7 @@ def _along_coordinates(
 
 
 def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[LeftOut]:
-    """Express a force in the frame of the machine's body; omit it if that body is the ground."""
+    """Express a force in the frame of the machine's body; omit the force if that body is the ground."""
     part = graph.part_of(body)
     if part == GROUND:
         return
@@ -350,7 +352,7 @@ def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple
     part = next((name for name, each in graph.bodies.items() if body in each.members), None)
     if part is None:
         raise ModelFileError(
-            f"runs over body {body}, which has no mass", where, "add mass to that body, or move its site"
+            f"runs through a site of body {body}, which has no mass", where, "add mass to that body, or move the site"
         )
     if part == body:
         return part, point
@@ -358,7 +360,7 @@ def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple
 
 
 def _clean(R: Array) -> Array:
-    """Round the nearly zero entries of a rotation, as the reader of descriptions does."""
+    """Set nearly zero entries of a rotation matrix to zero, as the reader of descriptions does."""
     return np.where(np.abs(R) < ROUNDING, 0.0, R)
 
 

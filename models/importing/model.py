@@ -86,13 +86,13 @@ class Options:
     """Options of an import.
 
     Attributes:
-        loops: File that defines how the loops of a URDF close; by default, the file of the same name in its folder.
+        loops: File that closes the loops of a URDF; by default, see `readings.loops.loops_for`.
         library: Library that reads the file; by default, the first library for its format.
         floating: Give a URDF a floating base.
         meshes: Compute mass and inertia from meshes in the folder of an MJCF if the model derives them from meshes.
         independent, actuated: Label -> independent coordinate, and actuated joints; if None, the file determines them.
-        allow: Tensors to accept although no physical body has them, such as ``wrist.triangle``; files and folders to
-            which the file may refer, as paths that contain ``/``, relative to its folder; and `MESHES`.
+        allow: Physically impossible tensors to accept, such as ``wrist.triangle``; files and folders to which the model
+            file may refer, as paths relative to its folder that contain ``/``; and `MESHES`.
     """
 
     loops: Path | None = None
@@ -127,12 +127,12 @@ def describe(
 
     Args:
         where: Name of the file, for error messages.
-        given: Known joints that close loops; all other joints are derived from coinciding points.
+        given: Known loop-closing joints; all other loop-closing joints are derived from coinciding points.
         keyframes: Poses that may be near a good home pose: name -> joint -> coordinate [rad or m].
-        beyond: Further forces in the file, by the names used there.
+        beyond: Further forces of the file, named as in the file.
 
     Raises:
-        ScrewgaugeError: The model cannot move, its loops do not close, or a choice does not fit.
+        ScrewgaugeError: The model cannot move, its loops do not close, or an option is unsuitable for the model.
     """
     own, tables = _rename(reading)
     names = {old: new for table in tables.values() for old, new in table.items() if old != new}
@@ -157,7 +157,7 @@ def describe(
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
     remarks = [*moves, *graph.remarks, *followers, *composites, *odd_choices, *gears, *odd]
     if not reading.actuators and options.actuated is None:
-        open_chain = "every hinge and slide of the open chain that follows no other joint"
+        open_chain = "every hinge and slide of the open chain that does not depend on another joint"
         rule = "every independent hinge and slide" if reading.closures else open_chain
         driven = few_names(joint.name for joint in mechanism.actuators) or "none"
         remarks.append(f"The file has no actuators: {rule} is driven ({driven}); choose other joints with --actuated.")
@@ -208,7 +208,7 @@ def _rename(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
 
 
 def _driven_joints(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
-    """Return the driven joints: the choice of user or file, or all joints of an open chain; None if undetermined."""
+    """Return the driven joints: those chosen by the user or the file, or all of an open chain; None if undetermined."""
     reading = graph.reading
     can = [name for link in graph.links for name in link.joints if reading.joints[name].kind in ("hinge", "slide")]
     if chosen is not None:
@@ -359,7 +359,7 @@ def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = Fal
 
 
 def _allowed(mechanism: Mechanism) -> set[str]:
-    """Return the entries of ``allow`` with which a mechanism was made."""
+    """Return the entries of ``allow`` that a mechanism requires."""
     return {f"{body.name}.{TRIANGLE}" for body in mechanism.bodies if body.allowed}
 
 
@@ -375,7 +375,7 @@ def keep(path: Path, imported: Imported, allow: Sequence[str] = (), *, floating:
 
 
 def _digests(files: Sequence[Path], model: Path) -> dict[Path, str]:
-    """Compute the digests of the files of a model and of the loops file in its folder."""
+    """Compute the digests of a model's files and of the loops file in its folder."""
     loops = loops_for(model)
     return {file: digest(file) if is_file(file) else "" for file in (*files, *filter(None, [loops]))}
 

@@ -18,12 +18,12 @@ from screwgauge.reference.rotations import Array
 
 #: Casebook entry on the second points of connect constraints.
 CASE = "connect-anchor-at-qpos0"
-#: Distance from all geoms and sites beyond which a point counts as off a body, as a share of the body's extent.
+#: Distance from all geoms and sites beyond which a point counts as far from a body, as a fraction of the body's extent.
 OFF = 0.1
 
 
 def points_off_bodies(source: Source) -> Iterator[str]:
-    """Yield a message for each anchored connect whose second point lies off every geom and site of its body.
+    """Yield a message for each anchored connect whose second point is far from all geoms and sites of its body.
 
     MuJoCo places that point at the anchor in the pose of the file. Bodies with meshes are skipped because meshes are
     not read.
@@ -50,7 +50,7 @@ def points_off_bodies(source: Source) -> Iterator[str]:
 
 
 def _mesh_bodies(source: Source) -> tuple[str, ...]:
-    """Return the names of bodies with geoms from files, without the prefix that attached bodies get."""
+    """Return the names of bodies with geoms read from files, without the prefix that attached bodies get."""
     files = parts(parse(source.path), source.path)
     taken, names = {element.get("name") for part in files for element in part.root.iter()}, list[str]()
     for part in files:

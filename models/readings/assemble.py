@@ -78,10 +78,10 @@ _OWN = ("armature", "damping", "friction", "stiffness")
 def retype(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
     """Change the types of joints.
 
-    A spherical or universal joint keeps the location of the old joint, lacks limits, and is at zero at the home pose of
-    the old joint. The hinges of a universal joint ``name`` are called e.g. ``name_Z`` and ``name_Y``, after axes of the
-    link frame that the old joint carries. A fixed joint disappears, and the bodies that it connects are merged. The
-    old names remain valid as names of frames.
+    A spherical or universal joint keeps the location of the old joint, has no limits, and is at zero at the home pose
+    of the old joint. The hinges of a universal joint ``name`` are called e.g. ``name_Z`` and ``name_Y``, after axes of
+    the link frame that the old joint carries. A fixed joint disappears, and the bodies that it connects are merged.
+    The old names remain valid as names of frames.
 
     Args:
         types: Joint -> one of `KNOWN`.
@@ -98,7 +98,7 @@ def retype(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
     _check_free(reading, types, where)
     frames = {name: link for name in types if (link := reading.carried(name))}
     lost = (phrase for name, kind in types.items() for phrase in _lost_properties(reading.joints[name], name, kind))
-    content = (Content("read otherwise by the library", phrase, values=()) for phrase in lost)
+    content = (Content("read differently by the library", phrase, values=()) for phrase in lost)
     reading = replace(reading, frames={**reading.frames, **frames}, content=(*reading.content, *content))
     for name, kind in types.items():
         if kind != FIXED:
@@ -132,7 +132,7 @@ def _rotational_joints(reading: Reading, name: str, kind: str, where: str) -> di
     carried = reading.place(name)
     if carried is None:
         raise ModelFileError(
-            f"joint '{name}' carries a link together with other joints", where, "remove its joint_type"
+            f"joint '{name}' is one of several joints that carry the same link", where, "remove its joint_type"
         )
     body, T = carried
     R = (reading.bodies[body].pose @ T)[:3, :3]
@@ -144,7 +144,7 @@ def _rotational_joints(reading: Reading, name: str, kind: str, where: str) -> di
 
 
 def _replace_joint(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Reading:
-    """Replace a joint by any number of joints, possibly zero."""
+    """Replace a joint with any number of joints, possibly none."""
     body = reading.moved_by(name)
     joints = dict[str, JointReading]()
     for each, joint in reading.joints.items():

@@ -75,7 +75,7 @@ def _closure(one: Any, reading: Reading, names: dict[int, str], where: str) -> C
     kind = _CLOSURES.get(type(one).__name__) or _CLOSURES.get(getattr(getattr(one, "type", None), "name", ""))
     if kind is None:
         remedy = "use points or frames that coincide (CONTACT_3D, CONTACT_6D, PointAnchor, FrameAnchor)"
-        raise ModelFileError(f"constraint {shown(one)} is not a supported closure of a loop", where, remedy)
+        raise ModelFileError(f"constraint {shown(one)} is not a supported loop closure", where, remedy)
     ends = []
     for joint, placement in ((one.joint1_id, one.joint1_placement), (one.joint2_id, one.joint2_placement)):
         body, T = reading.end_on(names[joint] if joint else "")

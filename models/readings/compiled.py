@@ -19,11 +19,11 @@ from screwgauge.reference.rotations import Array
 
 #: Text in MuJoCo's error about a file that a different library may accept -> remedy.
 _REMEDIES = {
-    "larger than mjMINVAL": "set mass and moments of inertia of that link above 1e-15 kg and kg m^2, e.g. to 1e-6 of "
-    "its neighbour's values, or read it with Pinocchio",
-    "positive eigenvalues": "use a tensor with positive principal moments for that link, or read it with Pinocchio",
-    "A + B >= C": "use the tensor of a possible body for that link, or read it with Pinocchio",
-    "top level": "read it with Pinocchio: in MuJoCo, only direct children of the world can float",
+    "larger than mjMINVAL": "give that link a mass above 1e-15 kg and moments of inertia above 1e-15 kg m^2, e.g. 1e-6 "
+    "times the values of a neighbouring link, or read the file with Pinocchio",
+    "positive eigenvalues": "give that link positive principal moments of inertia, or read the file with Pinocchio",
+    "A + B >= C": "give that link a physically possible inertia tensor, or read the file with Pinocchio",
+    "top level": "read the file with Pinocchio; in MuJoCo, only direct children of the world can float",
 }
 
 
@@ -55,7 +55,7 @@ def compile_text(
 
 
 def _name_joints(spec: Any) -> None:
-    """Name the joints that MuJoCo generates for a composite or flex like unnamed joints of a file."""
+    """Give the joints that MuJoCo generates for a composite or flex the names that unnamed joints of a file get."""
     taken = {joint.name for joint in spec.joints}
     for joint in [joint for joint in spec.joints if not joint.name]:
         name = f"{joint.parent.name}_joint"
@@ -121,7 +121,7 @@ def content(model: Any, reading: Reading) -> Iterator[Content]:
 
 
 def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
-    """Return the entries of a joint, tendon, actuator or pair in the available arrays; unused ranges are zero."""
+    """Return the entries of a joint, tendon, actuator or pair in the available arrays; set inactive ranges to zero."""
     entries = {name: np.ravel(getattr(model, name)[i]).astype(float) for name in arrays if hasattr(model, name)}
     for name in entries:
         limited = getattr(model, f"{name.removesuffix('range')}limited", None) if name.endswith("range") else None
@@ -167,7 +167,7 @@ def _wraps(model: Any, tendon: int) -> range:
 
 
 def shares(model: Any, tendon: int) -> dict[int, float] | None:
-    """Return joint -> coefficient of a fixed tendon; empty without a tendon, None for a tendon of a different kind."""
+    """Return joint -> coefficient of a fixed tendon; empty if there is no tendon, None for other kinds of tendon."""
     import mujoco
 
     at = _wraps(model, tendon) if tendon >= 0 else ()
@@ -237,7 +237,7 @@ RESISTS = "rotor and damping of actuator"
 
 
 def _actuators(model: Any) -> Iterator[Content]:
-    law, several = kinds()["force laws of actuators"], kinds()["actuators of several freedoms"]
+    law, several = kinds()["force laws of actuators"], kinds()["actuators of several degrees of freedom"]
     for i in range(model.nu):
         name, drives, target = model.actuator(i).name, _drives(model, i), int(model.actuator_trnid[i, 0])
         if single_joint(model, i) is not None:
@@ -254,7 +254,7 @@ def _actuators(model: Any) -> Iterator[Content]:
                 several.name, f"actuator {name}, which does not drive a single hinge or slide", "", along, values
             )
         else:
-            yield Content("actuators of other transmissions", f"actuator {name}, which drives no joint")
+            yield Content("actuators with other transmissions", f"actuator {name}, which drives no joint")
 
 
 def _pairs(model: Any, reading: Reading) -> Iterator[Content]:
@@ -288,7 +288,7 @@ def _options(model: Any) -> Iterator[Content]:
 
 
 def _uneven_compensation(model: Any, reading: Reading) -> Iterator[Content]:
-    """Yield the bodies whose parts have different compensated shares of their weight."""
+    """Yield the bodies whose parts differ in the compensated fraction of their weight."""
     shares_of_weight: dict[str, set[float]] = {}
     masses, _ = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
@@ -298,7 +298,7 @@ def _uneven_compensation(model: Any, reading: Reading) -> Iterator[Content]:
     for name, values in shares_of_weight.items():
         if len(values) > 1 and name != GROUND:
             phrase = f"gravcomp of body {name}, which differs between its parts"
-            yield Content("parts compensated otherwise", phrase)
+            yield Content("parts compensated differently", phrase)
 
 
 def _mocap_bodies(model: Any) -> Iterator[Content]:
@@ -313,7 +313,7 @@ def _mocap_bodies(model: Any) -> Iterator[Content]:
         bodies = np.isin(model.eq_type, (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)))
         at = [model.site_bodyid[e] if site else e for e, site in zip(ends[bodies], sites[bodies], strict=True)]
         if any(i in np.ravel(each) for each in at):
-            yield Content("bodies moved from outside", "mocap", f" of body {model.body(i).name}")
+            yield Content("externally moved bodies", "mocap", f" of body {model.body(i).name}")
 
 
 def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> CouplingReading:

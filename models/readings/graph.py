@@ -39,12 +39,12 @@ _BOUNDLESS, _DEPENDENT = 1e16, 1e-5
 
 
 def link(matter: Matter, pose: Array, *, weightless: bool = False) -> BodyReading:
-    """Build a link that is not part of a tree yet, given its world pose, shape (4, 4)."""
+    """Build a link that is not yet part of a tree, given its world pose, shape (4, 4)."""
     return BodyReading(matter.mass, matter.com, matter.inertia, WORLD, (), pose, gravcomp=float(weightless))
 
 
 def bounds(low: float, high: float) -> tuple[float, float]:
-    """Return limits; replace a limit far beyond any motion by infinity."""
+    """Return limits; replace limits far beyond any motion with infinity."""
     low, high = (math.copysign(math.inf, x) if abs(x) >= _BOUNDLESS else x for x in (low, high))
     return low, high
 
@@ -68,18 +68,19 @@ class GraphJoint:
     loop: bool = False
 
     def placed(self, T: Array) -> dict[str, JointReading]:
-        """Return hinges, slides and balls of the joint after its parent was displaced by T, shape (4, 4)."""
+        """Return the joint's hinges, slides and balls after displacing its parent by T, shape (4, 4)."""
         return {name: displace_joint(freedom, T) for name, freedom in self.freedoms.items()}
 
 
 Mimic = tuple[str, str, str, float, float]
-"""Coordinate, joint that it follows, suffix of the followed coordinate if that joint has several, constant, slope."""
+"""Coordinate, joint that it follows, suffix of the followed coordinate (if that joint has several coordinates),
+constant, and slope."""
 
 
 def _couplings(
     mimics: Iterable[Mimic], joints: Mapping[str, GraphJoint], where: str
 ) -> Iterator[tuple[str, CouplingReading]]:
-    """Yield mimics as couplings by coordinate; a joint that mimics a fixed joint is locked at its offset."""
+    """Convert mimics to coordinates and their couplings; a joint that mimics a fixed joint is locked at its offset."""
     every = {name for joint in joints.values() for name in joint.freedoms}
     for coordinate, leader, nth, *law in mimics:
         name = next((each for each in (f"{leader}.{nth}", leader) if each in every - {coordinate}), "")
@@ -187,7 +188,7 @@ def _free_name(name: str, names: Collection[str]) -> str:
 
 
 def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
-    """Make joint directions exactly parallel or perpendicular if they are so up to rounding, as loops require."""
+    """Make joint directions that are parallel or perpendicular up to rounding exactly so, as loops require."""
     known, aligned = list[Array](), dict[str, JointReading]()
     for name, joint in joints.items():
         way = joint.direction
@@ -205,7 +206,7 @@ def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, Joi
 
 
 def _weld(reading: Reading, child: str, end: str, pose: Array) -> ClosureReading:
-    """Weld a child, at the pose that a loop-closing joint requires, to the end of that joint."""
+    """Weld a child to the end of a loop-closing joint, at the pose that the joint requires."""
     (body, F), (other, _) = map(reading.end_on, (child, end))
     at = np.eye(4) if other == GROUND else reading.bodies[other].pose
     return ClosureReading("weld", body, F, other, np.linalg.inv(at) @ pose)

@@ -30,7 +30,7 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
 
 
 def loops_beside(path: Path) -> Path | None:
-    """Return the file in the folder of a URDF that closes its loops, or None."""
+    """Return the file that closes the loops of a URDF and is in the same folder, or None."""
     candidates = (path.with_name(f"{path.stem}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml"))
     return next((file for file in candidates if is_file(file)), None)
 

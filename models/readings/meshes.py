@@ -1,4 +1,4 @@
-"""Removes references to meshes, textures and other files from an MJCF; finds bodies with mass from meshes."""
+"""Removes references to meshes, textures and other files from an MJCF; computes the mass of bodies from meshes."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
 
 
 def _idle_plugins(root: ET.Element) -> Iterator[Content]:
-    """Remove plugins used only by elements that were removed, such as sensors; yield these plugins as content."""
+    """Remove plugins that only removed elements, such as sensors, used; yield these plugins as content."""
     declared = {id(each) for extension in root.iter("extension") for each in extension.iter("plugin")}
     used = {each.get(key) for each in root.iter("plugin") if id(each) not in declared for key in ("plugin", "instance")}
     for extension in root.findall("extension"):
@@ -180,7 +180,7 @@ _JOINTS = ("joint", "freejoint", "attach")
 
 
 def weigh(root: ET.Element, path: Path, folder: Path, *, own: bool = True) -> list[str]:
-    """Write an ``<inertial>`` for bodies whose mass depends on meshes, with values that MuJoCo computes from these.
+    """Write an ``<inertial>`` for bodies whose mass depends on meshes, with the values that MuJoCo computes.
 
     Args:
         root: Root element of an MJCF in which all bodies have names.

@@ -44,7 +44,7 @@ _CONSTRAINTS = ("EQUALITY", "FRICTIONLOSS", "LIMIT")
 
 
 def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
-    """Read a URDF or MJCF with MuJoCo; rebuild tensors from the principal axes that MuJoCo stores.
+    """Read a URDF or MJCF with MuJoCo; rebuild tensors from the principal moments and axes that MuJoCo stores.
 
     Raises:
         ModelFileError: MuJoCo rejects the file.
@@ -90,7 +90,7 @@ def load_mujoco(source: Source) -> Any:
         lines = [str(n) for n, line in numbered if "<plugin" in line or "<extension" in line]
         if "plugin" not in error.what or not lines:
             raise
-        remedy = f"remove the plugins if they exert no forces on bodies: line {', '.join(lines)}"
+        remedy = f"remove the plugins (line {', '.join(lines)}) if they exert no forces on bodies"
         raise ModelFileError(error.what, error.where, remedy) from None
 
 
@@ -177,7 +177,7 @@ def _equalities(
             derived = kind == _CONNECT and model.eq_objtype[i] == _BODY
             closures[name] = ClosureReading(joint, *sides[0], *sides[1], _softness(model, i), derived)
         else:
-            what = f"equality {name}, which neither joins bodies nor is a sum of polynomials of joints"
+            what = f"equality {name}, which neither joins bodies nor couples joints by a sum of polynomials"
             unread.append(Content("other equalities", what))
     return closures, couplings
 

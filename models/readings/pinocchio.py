@@ -98,7 +98,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
         return replace(reading, closures=closed, gravity=np.array(model.gravity.linear), content=tuple(unread))
     phrases = (*_planar_axes(source), *_ignored_quaternions(source))
     return replace(
-        reading, content=tuple(Content("read otherwise by the library", text, values=()) for text in phrases)
+        reading, content=tuple(Content("read differently by the library", text, values=()) for text in phrases)
     )
 
 
@@ -217,7 +217,7 @@ def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[tuple[s
 def _inertias(model: Any) -> dict[int, Any]:
     """Return frame index -> inertia of each moving link with mass or inertia, in the frame of the link.
 
-    Pinocchio adds a link behind a fixed joint to the preceding moving link, and stores the share of the link in the
+    Pinocchio adds the inertia of a link behind a fixed joint to the preceding moving link, and also stores it with the
     frame of the fixed joint.
     """
     import pinocchio
@@ -244,7 +244,7 @@ def _inertias(model: Any) -> dict[int, Any]:
 
 
 def _planar_axes(source: Source) -> Iterator[str]:
-    """Yield planar joints whose plane Pinocchio ignores: it always uses x and y, but the default of URDF is y and z."""
+    """Yield planar joints whose plane Pinocchio ignores: it always uses the xy plane; URDF defaults to the yz plane."""
     for joint in source.root.iterfind("joint"):
         axis = joint.find("axis")
         xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
@@ -253,7 +253,7 @@ def _planar_axes(source: Source) -> Iterator[str]:
 
 
 def _ignored_quaternions(source: Source) -> Iterator[str]:
-    """Yield a message if the parser ignores quaternions, which it reads from version 1.1 on; the default is 1.0."""
+    """Yield a message if the parser ignores quaternions: it reads them from URDF 1.1 on, but the default is 1.0."""
     origins = [*source.root.iterfind("joint/origin"), *source.root.iterfind("link/inertial/origin")]
     if source.root.get("version", "1.0") == "1.0" and any("quat_xyzw" in origin.attrib for origin in origins):
         yield "origin quat_xyzw, as the file does not declare version 1.1"

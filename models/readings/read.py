@@ -1,4 +1,4 @@
-"""Reads model files with any library that supports the format; lists unread content, rejects impossible models."""
+"""Reads model files with any library that supports the format, lists unread content and rejects impossible models."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def _content(source: Source, extra: Extra) -> Content:
 
 
 def _canonical(element: ET.Element) -> Iterator[tuple[str, float | str]]:
-    """Yield the numbers and strings of an element and its children, independent of spacing and attribute order."""
+    """Yield the numbers and strings of an element and its children, regardless of spacing and attribute order."""
     yield "element", element.tag
     for name, value in sorted(element.attrib.items()):
         yield from ((name, _number(word)) for word in value.split())
@@ -254,7 +254,7 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
 
     Raises:
         UnknownNameError: The library is not one of `LIBRARIES`.
-        ScrewgaugeError: The file cannot be read at all, or not by this library.
+        ScrewgaugeError: The file is unreadable, or this library cannot read it.
     """
     if library not in LIBRARIES:
         raise UnknownNameError("library", library, LIBRARIES)

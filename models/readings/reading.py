@@ -35,7 +35,7 @@ class BodyReading(Matter):
         near: Parent body (or ground), on the ground side.
         joints: Names of the joints between `near` and this body, from `near` outwards; at least one.
         pose: World pose at the home coordinates. Shape (4, 4).
-        gravcomp: Share of the weight that is compensated.
+        gravcomp: Compensated fraction of the weight.
         fixed: Name of each link merged into the body -> frame of that link in the body's frame, shape (4, 4).
         first: Link that the last joint carries; empty if the body is named after that link.
         parts: Name of each merged link with mass or inertia -> mass properties of that link, in the body's frame.
@@ -75,9 +75,10 @@ class JointReading:
 
     Attributes:
         kind: One of `FREEDOMS`.
-        screw: Unit screw of a hinge or slide at the home pose [angular; linear at the world origin]; else zeros.
-            Shape (6,).
-        centre: World position, at home, of a point on the axis of a hinge, or of a ball or free joint [m]. Shape (3,).
+        screw: Unit screw of a hinge or slide at the home pose [angular; linear at the world origin]; zeros for other
+            kinds. Shape (6,).
+        centre: World position of a point on the axis, or of the centre of a ball or free joint, at the home pose [m].
+            Shape (3,).
         home: Home coordinate as measured in the file [rad or m]; 0 for a ball or free joint.
         limits: Lowest and highest coordinate; infinite without limits. Shape (2,).
         armature, damping, friction, stiffness: Reflected inertia [kg m^2 or kg], damping [N m s/rad or N s/m], dry
@@ -97,7 +98,7 @@ class JointReading:
 
     @property
     def direction(self) -> Array:
-        """Unit vector along a hinge or slide. Shape (3,)."""
+        """Unit vector along the axis of a hinge or slide. Shape (3,)."""
         return self.screw[3:] if self.kind == "slide" else self.screw[:3]
 
 
@@ -109,7 +110,7 @@ class ClosureReading:
         first, second: Bodies or ground.
         first_frame, second_frame: Frames of the constraint in these bodies. Shape (4, 4) each.
         softness: MuJoCo's solref and solimp (seven numbers) and, for a weld, torquescale; empty for a hard constraint.
-        derived: True if the file does not define the second frame, which coincides with the first frame at home.
+        derived: True if the file does not define the second frame, which then coincides with the first at home.
     """
 
     kind: str
@@ -148,7 +149,7 @@ class CouplingReading:
 
 
 class ActuatorReading(NamedTuple):
-    """The joint that an actuator drives, and the force on the joint per unit of the actuator."""
+    """The joint that an actuator drives, and the gear ratio: joint force per unit of actuator force."""
 
     joint: str
     gear: float = 1.0
@@ -196,9 +197,9 @@ class Reading:
         return phrases(self.content)
 
     def place(self, name: str) -> tuple[str, Array] | None:
-        """Return the body (or ground) that contains a link, given the link or its joint, and the frame of the link.
+        """Return the body (or ground) that contains a link, and the link's frame there.
 
-        Return None if neither such a link nor such a joint exists.
+        `name` is the link or the joint that carries it; return None if neither exists.
         """
         return self._place(name) or self._place(self.carried(name))
 
@@ -211,7 +212,7 @@ class Reading:
         return None
 
     def end_on(self, link: str) -> tuple[str, Array]:
-        """Return the body (or ground) that contains a link, with its frame there; the ground for an empty name."""
+        """Return the body that contains a link, and the link's frame there; the ground for an empty or unknown name."""
         return self._place(link) or (GROUND, np.eye(4))
 
     def has_link(self, name: str) -> bool:
@@ -219,7 +220,7 @@ class Reading:
         return self._place(name) is not None
 
     def carried(self, joint: str) -> str:
-        """Return the link that a joint carries; empty for an unknown joint or if further joints follow it."""
+        """Return the link that a joint carries; empty if the joint is unknown or is followed by further joints."""
         if joint in self.frames:
             return self.frames[joint]
         return next((body.first or name for name, body in self.bodies.items() if body.joints[-1] == joint), "")
@@ -230,11 +231,11 @@ class Reading:
 
     @property
     def poses(self) -> dict[str, Array]:
-        """World home poses of the ground and of all bodies. Shape (4, 4) each."""
+        """World poses of the ground and of all bodies at the home pose. Shape (4, 4) each."""
         return {GROUND: np.eye(4), **{name: body.pose for name, body in self.bodies.items()}}
 
     def ends(self, closure: str) -> tuple[tuple[str, Array], tuple[str, Array]]:
-        """Return the two bodies of a closure, each with the world frame of the closure there. Shape (4, 4)."""
+        """Return the two bodies of a closure, each with the closure's frame on it, in the world. Shape (4, 4)."""
         one, poses = self.closures[closure], self.poses
         return (one.first, poses[one.first] @ one.first_frame), (one.second, poses[one.second] @ one.second_frame)
 
@@ -277,7 +278,7 @@ def collapse(reading: Reading, keep: Collection[str] = ()) -> Reading:
     The joints of such a body are prepended to the joints of the body that it carries; links fixed to it are lost.
 
     Args:
-        keep: Bodies that must stay.
+        keep: Bodies that must not be removed.
     """
     closed = {name for closure in reading.closures.values() for name in (closure.first, closure.second)}
     carried = Counter(body.near for body in reading.bodies.values())

@@ -53,7 +53,7 @@ _NAMED = 6
 
 
 def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
-    """Read all links and joints of all models of a file with merged includes; joints are at zero in the file's pose.
+    """Read all links and joints in a file with merged includes; the joints are at zero in the file's pose.
 
     Args:
         name: Name of the reading, unless exactly one model moves.
@@ -120,7 +120,7 @@ def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
 
 
 def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
-    """Return mass properties and pose of a link; if it lacks an inertial, SDF defines 1 kg and 1 kg m^2."""
+    """Return mass properties and pose of a link; without an ``<inertial>``, SDF defines 1 kg and 1 kg m^2."""
     element, inertial = frame.element, frame.element.find("inertial")
     inertial = ET.Element("inertial") if inertial is None else inertial
     if is_true(inertial.get("auto")):
@@ -180,7 +180,7 @@ class _Joint:
         return (self.name,) if count == 1 else tuple(f"{self.name}.{i + 1}" for i in range(count))
 
     def axis(self, i: int) -> ET.Element:
-        """Return the element with the values of degree of freedom i; a screw has only one axis, for its hinge."""
+        """Return the axis element of degree of freedom i; a screw has only one such element, for its hinge."""
         axis = self.frame.element.find("axis2" if i and self.kind != "screw" else "axis")
         return ET.Element("axis") if axis is None else axis
 
@@ -191,7 +191,7 @@ class _Joint:
         return self.frames.link(self.frame.named(name))
 
     def direction(self, i: int) -> Array:
-        """Return the unit vector of an axis in world axes. Shape (3,)."""
+        """Return the unit vector of an axis in the world frame. Shape (3,)."""
         axis, base = self.axis(i), self.full
         way, (xyz,) = self.frames.vector(axis, "xyz", "0 0 1", 3), [*axis.findall("xyz"), axis][:1]
         if not way.any():
@@ -225,14 +225,14 @@ class _Joint:
         return replace(joint, limits=FREE if self.kind == "continuous" else limits, **dynamics)  # type: ignore[arg-type]
 
     def efforts(self) -> Iterator[tuple[str, float]]:
-        """Yield the coordinates that have an effort limit, and that limit."""
+        """Yield each coordinate that has an effort limit, with that limit [N or N m]."""
         for i, name in enumerate(self.coordinates):
             _, most = bounds(0.0, self.frames.number(self.axis(i), "limit/effort", -1.0))
             if 0.0 <= most < math.inf:
                 yield name, most
 
     def mimics(self, joints: Mapping[str, _Joint]) -> Iterator[Mimic]:
-        """Yield the coordinates that follow other coordinates; for a gearbox, yield the hinge that follows."""
+        """Yield the coordinates that follow other coordinates; for a gearbox, yield the following hinge."""
         e, number = self.frame.element, self.frames.number
         if self.kind == "gearbox":
             (one, s), (two, t) = (self._geared(side, joints, i) for i, side in enumerate(("parent", "child")))
@@ -261,7 +261,5 @@ class _Joint:
                 cosine = float(joint.direction(0) @ self.direction(i))
                 if abs(cosine) > _ALONG:
                     return name, math.copysign(1.0, cosine) * (1.0 if joint.link("child") == near else -1.0)
-        what = (
-            f"gearbox {self.name} gears '{near}', but no hinge along its axis connects it to '{reference or 'world'}'"
-        )
+        what = f"gearbox {self.name} requires a hinge along its axis between '{near}' and '{reference or 'world'}'"
         raise ModelFileError(what, self.frames.where, "add that hinge, or name another gearbox_reference_body")

@@ -51,7 +51,7 @@ class Source:
         root: Root element, with everything that a library should read.
         content: Content that was removed or changed.
         attached: Key of a file that an MJCF attaches -> root element, with everything that a library should read.
-        resolved: Sentences on the preparation of the file, e.g. what MuJoCo computed before a library reads it.
+        resolved: Sentences on the preparation of the file, e.g. on values that MuJoCo computed in advance.
     """
 
     path: Path
@@ -121,8 +121,8 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
         meshes: Let MuJoCo compute mass and inertia of bodies of an MJCF from meshes in its folder.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, is not a model, or requires an unsupported step; the message names the
-            remedy.
+        ScrewgaugeError: The file cannot be read, is not a model, or requires unsupported preprocessing; the message
+            names the remedy.
     """
     root = elements(stage_of(path)) if is_usd(path) else parse(path)
     if any(element.tag in _OF_XACRO for element in root.iter()):
@@ -154,7 +154,7 @@ def form_of(path: Path) -> str:
 
 
 def check_names(root: ET.Element, form: str, where: str) -> None:
-    """Reject names shared by two links or two joints, of which most libraries silently keep only one.
+    """Reject names shared by two links or two joints, since most libraries silently keep only one of the two.
 
     Raises:
         ModelFileError: Two links or two joints share a name, a link or body lacks a name, or the file has no link or
@@ -262,7 +262,7 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
 
 
 def _key_models(part: Part, keys: Mapping[Path, str]) -> None:
-    """Add elements that refer, by their keys, to the models that a file attaches."""
+    """Add elements that refer to the attached models of a file by their keys."""
     if part.models:
         asset = ET.SubElement(part.root, "asset")
         for name, file in part.models.items():
@@ -270,7 +270,7 @@ def _key_models(part: Part, keys: Mapping[Path, str]) -> None:
 
 
 Branch = tuple[str, tuple[str, ...], Any]
-"""A branch at a link: the name by which siblings are sorted, the moving joints, and the place of further branches."""
+"""A branch at a link: name by which siblings are sorted, moving joints, and where further branches start."""
 
 
 def by_name(source: Source) -> tuple[str, ...]:

@@ -117,10 +117,10 @@ def _apart(gaps: Mapping[str, float]) -> Iterator[str]:
     """Yield messages about joints whose two frames do not coincide."""
     small = {name: gap for name, gap in gaps.items() if 0.0 < gap <= ROUNDING}
     if (most := max(small.values(), default=0.0)) > ROUNDING**2:
-        yield f"The two frames of {first_few(small, 3)} differ by up to {most:.1g} m or rad: the gaps are closed."
+        yield f"The frames of joints {first_few(small, 3)} differ by up to {most:.1g} m or rad; the gaps are closed."
     for name, gap in gaps.items():
         if gap > ROUNDING:
-            yield f"The two frames of joint {name} differ by {gap:.2g} m or rad: bodies are moved to close the gap."
+            yield f"The two frames of joint {name} differ by {gap:.2g} m or rad; bodies are moved to close the gap."
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,15 +208,15 @@ class _Stage:
             if not whole.mass:  # OpenUSD's default
                 r = 0.1 * self.unit
                 whole = Matter(self.kilo, np.zeros(3), 0.4 * self.kilo * r * r * np.eye(3))
-                what = f"mass or inertia of body {name}, which specifies none: a ball of radius {r:g} m, default 1 kg"
-                self.content.extend([] if weighs else [Content("read otherwise by the library", what)])
+                what = f"mass or inertia of body {name}, by default that of a ball of radius {r:g} m and mass 1 kg"
+                self.content.extend([] if weighs else [Content("read differently by the library", what)])
             matter = self.stated(prim, scale, whole)
         if value(prim, "physics:kinematicEnabled"):
-            self.content.append(Content("bodies moved from outside", "kinematic body", f" {name}"))
+            self.content.append(Content("externally moved bodies", "kinematic body", f" {name}"))
         return link(matter, T, weightless=bool(value(prim, "physxRigidBody:disableGravity")))
 
     def stated(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
-        """Return the mass properties of a body or collider: specified values, completed from shapes."""
+        """Return the mass properties of a body or collider: the specified values, completed by those of its shapes."""
         mass, size = self.kilo * number(prim, "physics:mass"), self.kilo * self.unit**2
         inertia = (mass / shapes.mass if mass and shapes.mass else 1.0) * shapes.inertia
         moments = numbers(prim, "physics:diagonalInertia", default=(0.0,) * 3)
@@ -275,7 +275,7 @@ class _Stage:
 
 
 def _turn(q: Array) -> Array:
-    """Compute the rotation for a quaternion (w, x, y, z); return the identity for a zero quaternion. Shape (3, 3)."""
+    """Compute the rotation matrix of a quaternion (w, x, y, z); the identity for a zero quaternion. Shape (3, 3)."""
     return quaternion_rotation(q / np.linalg.norm(q)) if q.any() else np.eye(3)
 
 
