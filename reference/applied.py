@@ -28,8 +28,8 @@ class Load:
     Attributes:
         body: Body on which the load acts; a load that the body exerts is stored with reversed signs.
         point: Point of application in the body frame [m], or None for the centre of mass. Shape (3,).
-        force, torque: Force [N] and moment [N m]. Shape (3,), or (n, 3) for n samples; NaN if `courses`
-            define them, see `at`.
+        force, torque: Force [N] and moment [N m]. Shape (3,), or (n, 3) for n samples; NaN if `courses` define
+            them, see `at`.
         axes: Axes of force and torque, one of `AXES`.
         courses: Fx, Fy, Fz, Mx, My, Mz as functions of time; empty for a constant load.
     """

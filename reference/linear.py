@@ -110,7 +110,7 @@ def blocks(n: int) -> Iterator[slice]:
 
 
 def norms(A: Array) -> Array:
-    """Return Frobenius norms, faster than `numpy.linalg.norm` for small matrices. Shape (..., m, n) -> (...)."""
+    """Compute Frobenius norms faster than `numpy.linalg.norm` for small matrices. Shape (..., m, n) -> (...)."""
     return np.asarray(np.sqrt(np.einsum("...ij,...ij->...", A, A)))
 
 

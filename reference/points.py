@@ -1,4 +1,4 @@
-"""Named body points whose velocities are requested, as data."""
+"""Data class of named body points whose velocities are requested."""
 
 from __future__ import annotations
 

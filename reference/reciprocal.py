@@ -307,7 +307,7 @@ def _meeting(E: Array, M: Array, h: Array, off: Array) -> Array:
 
 
 def _upright(E: Array) -> Array:
-    """Return an orthonormal basis of the same space, along world axes where the space contains them. Shape (3, k)."""
+    """Return an orthonormal basis of E's column space, along world axes that the space contains. Shape (3, k)."""
     k = E.shape[1]
     if k == 3:
         return np.eye(3)

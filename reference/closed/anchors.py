@@ -201,7 +201,7 @@ class Anchors:
 
     @property
     def sheets(self) -> int:
-        """Number of sheets, i.e. sets of anchors that lie on one branch wherever their balls meet."""
+        """Number of sheets, i.e. sets of anchors that lie on one branch wherever their balls overlap."""
         return int(self.table["sheet"][: len(self)].max()) + 1
 
     def sheet_of(self, sheet: int) -> Indices:
@@ -261,7 +261,10 @@ class Anchors:
         return z
 
     def corrections(self, z: Array, a: Indices) -> Array:
-        """Divide corrections of unknowns by the distance to other solutions; above 1, return inf. (n, n_z) -> (n,)."""
+        """Divide corrections of unknowns by the distance to other solutions. Shape (n, n_z) -> (n,).
+
+        The result is inf if a correction exceeds 1.
+        """
         norm = np.empty(len(z))
         for rows, i in _groups(a):
             norm[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)

@@ -119,7 +119,7 @@ class AssemblyMode:
         return near
 
     def _follow_anchors(self, z: Array, near: Array) -> Array:
-        """Return joint coordinates of the anchors along a path that starts at about `near`. Shapes (v, n_z), (n_q,)."""
+        """Return joint coordinates of the anchors on a path starting near the pose `near`. Shapes (v, n_z), (n_q,)."""
         q = self.system.tree(z, np.tile(near, (len(z), 1)))
         return follow_cut_joints(self.lay, q, near)
 

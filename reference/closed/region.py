@@ -1,7 +1,7 @@
 """Closed poses for samples in any order: a region around the home pose, covered by anchors that spread from there.
 
 Samples that are not reached or lie under two sheets are flagged. Poses do not depend on earlier calls, but
-which samples are reached may depend on them. `continuation` follows motions, whose samples are in order.
+the set of reached samples may. `continuation` follows motions, whose samples are in order.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Region(Continuation):
 
         Returns:
             Predictions; flags of samples that cannot be reached with at most `LARGEST` additional anchors, or without
-            passing near a singular pose; and flags of samples that also lie under a different sheet, so
-            that y alone does not determine the pose. Shape (n,) each.
+            passing near a singular pose; and flags of samples that also lie under a different sheet, so that
+            y alone does not determine the pose. Shape (n,) each.
         """
         y = y / self.size
         self._look_for_turns(y)

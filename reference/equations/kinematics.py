@@ -82,7 +82,7 @@ class Step(NamedTuple):
 
 
 def walk(lay: Layout) -> list[Step]:
-    """Return the edges of the tree, each after the edges between it and the ground."""
+    """Return the edges of the tree in outward order, starting at the ground."""
     if "walk" not in lay.kept:
         lay.kept["walk"] = [_step(lay, edge) for edge in lay.edges]
     steps: list[Step] = lay.kept["walk"]

@@ -116,7 +116,8 @@ KEPT = 1 << 26
 def columns(n: int, m: int, dtype: DTypeLike = float) -> Array:
     """Allocate an array of shape (n, m) with contiguous columns.
 
-    Columns start at cache lines, but are never a multiple of pages apart, because they would then share few lines.
+    Columns start at cache lines. Their distance is never a multiple of the page size, because they would then share
+    the same few cache lines.
     """
     wide = n + LINE - n % LINE
     room = np.empty(m * wide + LINE, dtype)
