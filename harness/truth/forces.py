@@ -205,7 +205,7 @@ def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
 
 
 def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_mat) -> list[tuple[str, Vector]]:
-    """List the labels and world vectors of a joint's directions of one kind, an entry of `HELD`."""
+    """List the labels and world vectors of a joint's directions of the kind `what`, an entry of `HELD`."""
     world = [*zip("xyz", AXES, strict=True)]
     if what == "world":
         return world

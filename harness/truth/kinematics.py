@@ -149,7 +149,7 @@ class Certifier:
             if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
                 return image, self._square(image, rows)
             r = r * 64
-        raise NotCertified("Krawczyk's test fails", "", "keep the motion away from singular poses")
+        raise NotCertified("Krawczyk's test failed", "", "keep the motion away from singular poses")
 
 
 def floats(M: arb_mat) -> Array:

@@ -83,7 +83,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
 
 
 def dual_axis(axes: Sequence[Vector], i: int) -> Vector:
-    """Return the vector in the span of the axes whose dot product is 1 with axis i and 0 with all other axes."""
+    """Return the dual of axis i in the span of the axes: its dot product is 1 with axis i, 0 with all other axes."""
     if len(axes) == 1:
         return axes[0]
     # two axes may be orthogonal only up to rounding; the third is orthogonal to both

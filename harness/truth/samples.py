@@ -177,7 +177,7 @@ class Sampler:
         else:
             pairs += zip(f.entries(), f_second.entries(), strict=True)
         if self.redundant and not all(a.overlaps(b) for a, b in pairs):
-            raise RoutesDisagree("the two routes to the forces do not overlap", "", "report this")
+            raise RoutesDisagree("the enclosures of the two routes to the forces do not overlap", "", "report this")
         return {"generalized_force": Q, "actuator_force": f.entries(), "reaction": reactions}
 
 

@@ -147,7 +147,7 @@ def _span(mechanism: Mechanism, graph: Layout) -> tuple[list[TreeLink], dict[str
 def _append_links(
     links: list[TreeLink], mechanism: Mechanism, joint: Joint, near: FixedFrame, *, reverse: bool = False
 ) -> FixedFrame:
-    """Append the links of a joint; return the frame of the body beyond it.
+    """Append the links of a joint; return the frame of the body at its other end.
 
     Args:
         near: Frame of the body from which the links start; if `reverse`, this body is the joint's child.

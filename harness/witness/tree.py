@@ -35,7 +35,7 @@ class FixedFrame(NamedTuple):
     p: Array = np.zeros(3)
 
     def placed(self, R: Array, p: Array) -> FixedFrame:
-        """Return the frame on the same link whose pose relative to this frame is given."""
+        """Return a frame on the same link, given its pose relative to this frame."""
         return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
 
 

@@ -121,7 +121,7 @@ class Solver:
         Args:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives; second derivatives of undriven coordinates
                 are ignored. Shape (n, k).
-            t: Times [s]. If given, the rows are a motion, which is followed from the home pose along the curve through
+            t: Times [s]. If given, the rows form a motion, which is followed from the home pose along the curve through
                 the rows. Shape (n,).
             load: Force [N] and torque [N m] of each load, which replace the scene's loads. Shape (6 n_load,) or
                 (n, 6 n_load).

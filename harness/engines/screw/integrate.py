@@ -260,7 +260,9 @@ def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
         raise DescriptionError("times must increase", where, "use at least two finite times in increasing order")
     if not (0.0 < settings.rtol < 1.0 and 0.0 < settings.atol < np.inf):
         raise DescriptionError(
-            f"tolerances rtol = {settings.rtol:g}, atol = {settings.atol:g}", where, "use small positive numbers"
+            f"tolerances must be positive, and rtol below 1, not rtol = {settings.rtol:g}, atol = {settings.atol:g}",
+            where,
+            "use small positive numbers",
         )
     k = len(lay.mechanism.independent)
     for values in (task.start, task.rates):

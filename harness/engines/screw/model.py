@@ -80,7 +80,7 @@ class ScrewModel:
         return self._accelerate(problem, problem.task)
 
     def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
-        """Solve a given motion, with the array solver if no program is available."""
+        """Solve a given motion with the array solver or with a program, depending on the settings."""
         kind = NUMBER_TYPES[self.precision]
         backend = self.backend or ("numpy" if len(task) >= LONG or kind is not FLOAT64 else "array")
         if backend == "array":

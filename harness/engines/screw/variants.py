@@ -156,7 +156,7 @@ class Variants:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
             parameters: Full name, short name or pattern -> values of the parameters in all variants, shape (V,), or one
                 common value. Parameters that are not given keep the scene's values.
-            t: Times [s]. If given, the rows are a motion, which is followed from the home pose. Shape (n,).
+            t: Times [s]. If given, the rows form a motion, which is followed from the home pose. Shape (n,).
 
         Raises:
             ScrewgaugeError: An array or a name is invalid, or the nominal machine cannot reach a sample.
