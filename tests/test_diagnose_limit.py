@@ -43,7 +43,7 @@ def stopping(monkeypatch, work):
 def test_what_is_there_is_reported_and_what_is_not_is_named(pair, monkeypatch, work, there):
     stopping(monkeypatch, work)
     found = screwgauge.diagnose(*pair)
-    assert "Stopped after 3600 s (--limit), without: " in found.verdict
+    assert "Stopped after 3600 s (--limit); skipped: " in found.verdict
     assert found.exit_status == 3
     assert not found.same
     assert found.left_out[0].startswith(work)

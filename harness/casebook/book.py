@@ -17,7 +17,7 @@ from typing import Any
 from screwgauge.reference.errors import check_choice
 
 Versions = tuple[str, ...]
-"""A version of each engine of a case, in the case's order."""
+"""One version of each engine of a case, in the order of `Case.engines`."""
 
 
 @dataclass(frozen=True, slots=True)

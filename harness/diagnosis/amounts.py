@@ -1,4 +1,4 @@
-"""Formats amounts and nouns: distinguishing digits of two numbers, steps along axes, tensors, lists."""
+"""Formats numbers (with enough digits to distinguish them), steps along axes, tensors and lists; names properties."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ _NOUNS = {
     "link": "joint",
     "sign": "direction of the coordinate",
     "start": "start",
-    "whole": "placement and units of the whole",
+    "whole": "placement and units of the whole model",
 }
 
 
 def noun(what: str) -> str:
-    """Return the noun of a property or event."""
+    """Return the noun for a property or an event."""
     return _NOUNS.get(what) or noun_of(what)
 
 
@@ -86,10 +86,11 @@ _SHARE = 1e-5
 def turn_and_way(
     step: Array, axes: Sequence[Axes], length: float, turned: str = "turned", *, brief: bool = False
 ) -> str:
-    """Format a rotation [rad] and a translation [m] with directions; omit whichever of the two vanishes. Shape (2, 3).
+    """Format a rotation and a translation with their directions; omit whichever of the two vanishes.
 
     Args:
-        length: Length of the machine [m], by which translations are divided to compare them with rotations.
+        step: Rotation vector [rad] and translation [m] in A's world frame. Shape (2, 3).
+        length: Length of the machine [m], by which the translation is divided to compare it with the rotation.
         brief: Omit vectors.
     """
     angle, way = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1])) / length
@@ -102,7 +103,7 @@ def turn_and_way(
 
 
 def step_in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False) -> str:
-    """Format a step along one axis with its sign, and any other step as its magnitude and a vector in the first axes.
+    """Format a step along a single axis with its sign, and any other step as a magnitude and a vector in ``axes[0]``.
 
     Args:
         step: Step in A's world frame [rad or m]. Shape (3,).
@@ -128,7 +129,7 @@ def format_value(value: object) -> str:
 
 
 def percent(factor: float) -> str:
-    """Format a factor as a change in percent, or as a factor if it is far from 1."""
+    """Format a factor as a change in percent, or as ``x 12`` if it is far from 1."""
     return f"{100.0 * (factor - 1.0):+.2f} %" if 0.0 < factor < 10.0 else f"x {factor:g}"
 
 
@@ -157,7 +158,7 @@ def digits(value: float, other: float) -> str:
 
 
 def vector(value: Array, other: Array) -> str:
-    """Format the entries of a vector in parentheses."""
+    """Format a vector in parentheses, with the digits that distinguish its entries from those of another vector."""
     least = 1e-13 * max(_largest(value), _largest(other))  # rounding error relative to the largest entry
     pairs = zip(value.ravel(), other.ravel(), strict=True)
     return f"({', '.join(digits(*(float(x) if abs(x) > least else 0.0 for x in pair)) for pair in pairs)})"
@@ -204,7 +205,7 @@ def _tensors(a: Array, b: Array) -> str:
 
 
 def _ratio(a: Array, b: Array) -> str:
-    """Format the ratio of two tensors: a common factor, or the difference in the largest entries."""
+    """Format the ratio of two tensors: a common factor, the ratio of the largest entries, or the largest difference."""
     most, other = (_largest(each) for each in (a, b))
     if not most or not other:
         return format_change(most, other)

@@ -69,14 +69,14 @@ class ToldCause:
     """A cause with the sentences that describe it.
 
     Attributes:
-        name: The property and its parts, abbreviated.
+        name: Short name: the property and the parts that differ in it.
         sentence: Description of the difference and the likely slips; `short` omits details.
-        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, without effect on torques; ``small``,
-            several causes of little weight.
+        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, no effect on torques; ``small``, several
+            causes with small shares.
         share: Share of the torque difference due to this cause alone; NaN if no change of a value reproduces it.
         family: ``geometry``, ``inertia``, ``rotor``, ``friction``, ``spring``, ``actuator``, ``limit``, ``loop``,
             ``environment`` or ``content``; empty for rounding.
-        differences: Indices of its differences.
+        differences: Indices into `Diagnosis.differences`.
         slips: Phrases that name the likely mistakes behind the cause.
     """
 
@@ -98,11 +98,11 @@ class Diagnosis:
         found: All findings, as data.
         headline: One sentence that names the first difference, or states that there is none.
         explanation: Further sentences: effect of the causes, proof, and other findings.
-        differences: Facts with their sentences, from the ground outwards.
+        differences: Facts and the sentences that describe them, ordered from the ground outwards.
         causes: Differences grouped by cause, the most important cause first.
         notes: Assumptions, and content that was not compared.
         not_compared: Phrases that name content that could differ but is not compared, and the model that contains it.
-        not_fixed: Differences that the file of `write_fix` retains, and why.
+        not_fixed: Differences that remain in the file that `write_fix` writes, and why.
         date: Time of the comparison, ISO 8601 in UTC.
     """
 
@@ -153,14 +153,14 @@ class Diagnosis:
 
     @property
     def exit_status(self) -> int:
-        """Exit status: 0 the same, 1 different or partly compared, 3 a library failed or the time limit was reached."""
+        """Exit status: 0 if the same, 1 if different or partly compared, 3 if a library failed or time ran out."""
         if self.left_out or any(witness.failed for witness in self.found.witnesses):
             return 3
         return 0 if self.same else 1
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Messages about implausible numbers of the models."""
+        """Warnings about implausible numbers in the models."""
         a, b = (implausible(model.reading) for model in (self.a, self.b))
         both = [f"A and B: {text}" for text in a if text in b]
         ours, theirs = [f"A: {text}" for text in a if text not in b], [f"B: {text}" for text in b if text not in a]
@@ -283,7 +283,7 @@ _ONE = {"limits": "limit"}
 #: Slip -> sentence: ``it`` stands for the properties, ``noun`` for the first of them, ``part`` for the body or joint.
 SLIPS: Mapping[str, str] = {
     "unit": "{it} is in {0}",
-    "unit of A": "{it} agrees if A is in {0}",
+    "unit of A": "{it} agrees if A uses {0}",
     "degrees": "angles of {0} are in degrees but read as rad",
     "radians": "angles of {0} are in rad but read as degrees",
     "sequence": "angles of {0} are read in the sequence {1}, but {2} is meant",
@@ -296,7 +296,7 @@ SLIPS: Mapping[str, str] = {
     "turned": "{it} is turned by {0:.4g} degrees",
     "turned by inertial": "{it} is turned by the orientation of its inertial in {0}",
     "turned back by inertial": "{it} is turned back by the orientation of its inertial in {0}",
-    "counted back": "{it} is counted in the opposite direction",
+    "counted back": "{it} is measured in the opposite direction",
     "exchanged coefficients": "offset and multiplier are exchanged",
     "inverse multiplier": "the multiplier is the inverse of A's",
     "inverse function": "the two joints have exchanged their roles",
@@ -315,7 +315,7 @@ SLIPS: Mapping[str, str] = {
     "mjcf order": "the entries of {it} are in MJCF order instead of URDF order",
     "order of products": "products of inertia are in a different order",
     "order of moments": "moments of inertia are in a different order",
-    "moments on other axes": "principal moments are on different axes",
+    "moments on other axes": "principal moments are assigned to different axes",
     "transposed": "the rotation is transposed",
     "no rotation": "the rotation is left out",
     "inertiafromgeom": "{it} comes from the geoms of {0}, because of its compiler option inertiafromgeom",

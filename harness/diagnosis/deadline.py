@@ -1,4 +1,4 @@
-"""The time limit of a diagnosis. When it is reached, the result so far is reported and lists the skipped work."""
+"""The time limit of a diagnosis; once it is reached, the remaining work is skipped and the report lists this work."""
 
 from __future__ import annotations
 

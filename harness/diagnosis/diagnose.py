@@ -59,7 +59,7 @@ def diagnose(
     """Compare two models; see `screwgauge.api.diagnose` for arguments and errors.
 
     Args:
-        a, b: Files or names, or copies that `model.weigh_side` made with mass from meshes.
+        a, b: Files or names, or copies by `model.weigh_side`, in which masses are computed from meshes.
     """
     check_seed(seed)
     deadline = Deadline(limit)
@@ -103,7 +103,7 @@ def find(
         found = replace(found, order=compare_orders(models, joints, seed))
     found = _add_causes(found, deadline)
     found = replace(found, witnesses=tuple(check_libraries(models, seed, deadline)))
-    if _is_outside_torques(found) and not deadline.is_over("torques of the libraries as loaded"):
+    if _is_outside_torques(found) and not deadline.is_over("torques of the libraries for the loaded files"):
         skipped = bool(only) or bool(other_gravity(a.reading, b.reading))
         both, why_not = (None, "") if skipped else compare_libraries(models, pair, seed)
         found = replace(found, agreement=compare_dynamics(pair, seed, only), together=both, why_not=why_not)

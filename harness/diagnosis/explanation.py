@@ -92,8 +92,8 @@ class Explanation:
     def _settled(self) -> bool:
         """True if all parts have the same placement, which rules out a shorter alignment.
 
-        Differences in centre of mass are allowed in bodies with different masses, unless most masses differ: then the
-        unit of mass may differ.
+        Differences in centre of mass are allowed in bodies with different masses, unless most masses differ, in which
+        case the unit of mass may differ.
         """
         heavy = {fact.part for fact in self.real if fact.what == "mass"}
         elsewhere = any(
@@ -110,7 +110,7 @@ def explain(
 
     Args:
         a, b: Readings at the home pose of their files.
-        marked: Function that marks facts that are due to the rounding of a file.
+        marked: Function that marks facts due to rounded numbers in a file.
     """
     best, standing = None, tuple[Fact, ...]()
     for each in _explanations(machine_of(a), b, names):

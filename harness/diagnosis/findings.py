@@ -26,16 +26,16 @@ class Findings:
     """Results of comparing two models, as data.
 
     Attributes:
-        pair: The two machines, matched.
+        pair: The two machines and their matching.
         how: Joint of A -> ``given``, ``name``, ``similar name``, ``geometry`` or ``geometry, against its name``.
         alike: True if enough parts have a partner for a comparison.
         facts: Differences in bodies, joints, loops and content; a difference in the whole machine comes first.
         standing: Facts about B as it is, if a fact about the whole machine replaces them.
         causes: Ranked causes of the facts; `reasons`: likely slips behind them.
-        withheld: Content that could differ but is not compared, and its model; `aside`: content that is out of scope.
+        withheld: Content that could differ but is not compared, with its model; `aside`: content that is out of scope.
         torques: Largest effect of all facts on the torques of A; `by_joint`: scaled effect on each component.
         mobility: Degrees of freedom of A and of B with closed loops; None without loops.
-        agreement: Difference in the dynamics of both readings, if nothing else differs.
+        agreement: Difference between the dynamics of the two readings, if nothing else differs.
         together: Difference in the dynamics that libraries compute from the loaded files; if None, see `why_not`.
         left_out: Work that was skipped because the time limit of `limit` seconds was reached.
         only: The only group of properties that was compared; empty for all.
@@ -98,7 +98,9 @@ class Findings:
 
 SCHEMA = 3
 #: Quantity in which the shares of causes are measured.
-SCALE = "projection onto the torque difference at random states, torques divided by the largest of the same unit"
+SCALE = (
+    "projection onto the torque difference at random states; each torque is divided by the largest torque in its unit"
+)
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:

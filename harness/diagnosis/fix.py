@@ -55,7 +55,7 @@ class Fix:
         left: Facts that remain after reading the corrected file; None if it was not read.
         why_not: Reasons why changes are missing, as sentences.
         unheard: Properties in the file that B's library ignores.
-        open: Facts of B relative to A that no change of a value corrects.
+        open: Differences of B from A that no change of a value corrects.
     """
 
     text: str
@@ -74,8 +74,8 @@ def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False,
     """Write a copy of B that agrees with A, and read that copy to prove it.
 
     Args:
-        pair: A and B, matched.
-        moved: True if B of the pair was aligned with A as a whole.
+        pair: A and B with their matching.
+        moved: True if the pair contains B after it was aligned with A as a whole.
         only: The only group of properties to compare; empty for all.
     """
     if b.file is None or not b.text:
@@ -135,7 +135,7 @@ def _to_pose_of_file(changes: Iterable[Change], written: Reading, posed: Reading
 
 
 def _carrier(change: Change, written: Reading, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-    """Return the displacement of the body to which a changed joint is fixed: its parent, or its child for a seat."""
+    """Return the displacement of the changed joint's parent body, or of its child body if the change is a seat."""
     if change.what == "seat":
         return after[written.moved_by(change.item)]
     return before.get(change.item, np.eye(4))
@@ -151,7 +151,7 @@ def _derived_ends(target: Reading) -> Iterator[Change]:
 
 
 def _convert(change: Change, X: Array, written: Reading, posed: Reading) -> Change:
-    """Convert a change to the pose of the file; the changed joint is on a body displaced by X, shape (4, 4)."""
+    """Convert a change to the pose of the file; X, shape (4, 4), is the displacement of the changed joint's body."""
     value = change.value
     if change.what in ("placement", "seat"):
         value = np.linalg.inv(X) @ value @ X
@@ -165,7 +165,7 @@ def _convert(change: Change, X: Array, written: Reading, posed: Reading) -> Chan
 
 
 def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
-    """Read a copy of a file with a different text, leaving the file itself unchanged.
+    """Read a copy of a file with different text, leaving the file itself unchanged.
 
     Raises:
         ScrewgaugeError: The text cannot be read.
@@ -197,11 +197,11 @@ def _copy_parts(source: Path, folder: Path, text: str) -> None:
 
 
 def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, force: bool = False) -> None:
-    """Write the corrected file, see `save_file`.
+    """Write the corrected file; see `save_file`.
 
     Args:
         b: The user's file.
-        inputs: Further files that were read.
+        inputs: Other files that were read.
         force: Replace an existing file.
 
     Raises:

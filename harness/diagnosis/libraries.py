@@ -1,4 +1,4 @@
-"""Compares each library's torques with the dynamics of its reading, and the torques of both libraries as loaded.
+"""Compares each library's torques with the dynamics of its reading, and both libraries' torques for the loaded files.
 
 Torques are compared along the motions that loops allow, where they do not depend on constraint forces and cuts.
 """
@@ -196,7 +196,7 @@ class Together:
 
     Attributes:
         row: Largest difference, projected onto the motions that loops allow.
-        largest: Largest torque of the same unit.
+        largest: Largest torque with the same unit.
         calls: Library functions called for A and B; empty for a description or a reader without dynamics.
         states: Number of compared states.
     """
@@ -241,7 +241,7 @@ def compare_dynamics(pair: Pair, seed: int, only: str = "") -> Largest | None:
 def _largest_difference(
     pair: Pair, seed: int, models: tuple[Model, Model] | None = None
 ) -> tuple[Largest, float, int] | None:
-    """Return the largest difference in torque, the largest torque of the same unit, and the number of states.
+    """Return the largest difference in torque, the largest torque with the same unit, and the number of states.
 
     Args:
         models: Models whose libraries compute the torques; by default, torques are computed from the readings.
@@ -271,14 +271,14 @@ def _states(torques: Torques) -> TreeStates:
 def _torques_along(
     torques: Torques, reading: Reading, partners: Partners, of: _Dynamics
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return torques along A's velocities for a reading that follows A, and success flags. (n, n_freedom), (n,)."""
+    """Return torques conjugate to A's velocities for a reading that follows A, (n, n_freedom), and success flags."""
     tree = tree_of(with_gravity(reading))
     states, velocities, fits = follow(tree_of(torques.reading), _states(torques), tree, partners)
     return (np.swapaxes(velocities, 1, 2) @ of(tree, states)[..., None])[..., 0], fits
 
 
 def _library_torques(model: Model) -> _Dynamics:
-    """Build a function that computes the torques of all joints with the model's library, for the file as it is."""
+    """Build a function that computes all joint torques with the model's library, including all forces in the file."""
 
     def tau(tree: ReadingTree, states: TreeStates) -> Array:
         if model.library not in ASKED or model.file is None or model.retyped:

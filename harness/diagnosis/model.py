@@ -139,7 +139,7 @@ def weigh_side(given: str | Path, folder: Path) -> Weighed:
         folder: Folder for the copy.
 
     Raises:
-        ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
+        ScrewgaugeError: Meshes cannot be read, or are outside the folder of the file.
     """
     file = Path(_split_library(given)[0])
     copy = weighed_copy(file, folder) if is_model(file) else None
@@ -187,7 +187,7 @@ def _joints(reading: Reading) -> dict[str, tuple[str, float]]:
 def loops_of_sides(
     loops: Loops, sides: tuple[str | Path | Weighed, str | Path | Weighed]
 ) -> tuple[Path | None, Path | None]:
-    """Return the loops file of each model, given a pair of files, or one file for every URDF.
+    """Return the loops file of each model, given a pair of files or one file for all URDFs.
 
     Raises:
         ScrewgaugeError: The value is neither a file nor a pair, or no model is a URDF.

@@ -55,7 +55,7 @@ def follow(
     """Find the states of a tree at which its bodies move like their partners, with Newton's method.
 
     Returns:
-        States of the follower; matrix from velocities of the leader to velocities of the follower, shape
+        States of the follower; matrix that maps the leader's velocities to the follower's velocities, shape
         (n, n_freedom, n_leader); True where all bodies follow and all loops are closed, shape (n,).
     """
     bodies, joints = partners

@@ -93,7 +93,7 @@ def shift_home(reading: Reading, name: str, home: float) -> Reading:
 
 
 def _recount(reading: Reading, name: str, joint: JointReading, lead: _Recount, follow: _Recount) -> Reading:
-    """Replace a joint's coordinate; `lead` and `follow` convert couplings that the joint leads or follows."""
+    """Replace a joint's coordinate; `lead` converts couplings that depend on it, `follow` those that determine it."""
     couplings = {key: replace(each, function=lead(each.function)) for key, each in reading.couplings.items()}
     own = {key: replace(each, function=follow(each.function)) for key, each in couplings.items() if each.joint == name}
     return replace(reading, joints={**reading.joints, name: joint}, couplings={**couplings, **own})
@@ -154,7 +154,7 @@ class Property:
         unit: SI unit; for a joint, the unit for a rotation and, after a bar, the unit for a translation.
         noun: Noun, if it differs from the name of the property.
         part: True if the property is the presence of a part.
-        scales: True if a common factor may change the property in many parts.
+        scales: True if the property may differ by a common factor in many parts.
         default: Value if a file omits the property; None if every file specifies it.
         urdf, mjcf: Element and, after an ``@``, attribute that contain the property; empty if the format lacks it.
         entry: Name of the entry in a reading, if it differs from the name of the property.

@@ -58,7 +58,7 @@ def news(found: Findings) -> Iterator[str]:
     if found.only:
         yield f"Only {found.only} properties are compared (--only)."
     if found.left_out:
-        yield f"Stopped after {found.limit:g} s (--limit), without: {first_few(found.left_out, _NAMED)}."
+        yield f"Stopped after {found.limit:g} s (--limit); skipped: {first_few(found.left_out, _NAMED)}."
 
 
 def _gravity(found: Findings) -> Iterator[str]:
@@ -105,7 +105,7 @@ def _partial(found: Findings) -> str:
 
 
 def _pairs(found: Findings) -> str:
-    """Name a few joints and their partners."""
+    """List a few joints and their partners."""
     return first_few((f"{name} = {found.pair.partner(name).name}" for name in found.how), _NAMED)
 
 
@@ -134,7 +134,7 @@ def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
         yield f"{_subject(counting, causes)} no motion."
     without = [each for each in plain if each.kind == "cause" and math.isnan(each.share)]
     if any(len(each.groups) > 1 for each in without):
-        yield "Their effects cancel each other, so none has a share."
+        yield "Their effects cancel each other, so no cause has a share."
     elif any(each.facts[0].kind == "model" for each in without):
         it = "It has" if len(causes) == 1 else "Causes that no value in a file reproduces have"
         yield f"{it} no share{': no value in a file reproduces it' * (len(causes) == 1)}."
@@ -155,10 +155,10 @@ def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
 
 
 def _outside(causes: Sequence[Cause]) -> Iterator[str]:
-    """Name the differences that do not affect torques."""
+    """Yield sentences about differences that do not affect torques."""
     whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
     if whats:
-        yield f"Torques of bodies and joints omit {join(whats)}."
+        yield f"Torques of bodies and joints do not depend on {join(whats)}."
     if any(each.kind == "unseen" and _of_loops(each.facts[0]) for each in causes):
         yield "Torques for a given motion cannot show how loops differ."
 
@@ -188,15 +188,15 @@ def _proof(found: Findings) -> Iterator[str]:
 
 
 def name_ignored(library: str, whats: Iterable[str]) -> str:
-    """Name properties of a file that a library ignores, and their casebook entries."""
+    """List properties in a file that a library ignores, and their casebook entries."""
     whats = list(dict.fromkeys(whats))
     cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats if what in PROPERTIES)))
     book = f" (casebook: {', '.join(cases)})" if cases else ""
-    return f"{library} ignores {join([*map(noun_of, whats)])} of the file{book}."
+    return f"{library} ignores {join([*map(noun_of, whats)])} in the file{book}."
 
 
 def _ignored_properties(found: Findings) -> Iterator[str]:
-    """Name properties that one library reads from a file but the other library ignores."""
+    """List properties that one library reads from a file but the other library ignores."""
     for k, model in enumerate((found.a, found.b)):
         whats = [
             fact.what for fact in found.facts if fact.what in OPTIONAL and _is_ignored((fact.a, fact.b), k, fact.what)
@@ -228,9 +228,9 @@ def _agreement(found: Findings) -> Iterator[str]:
     reading = found.a.reading
     agree = f"{count(len(reading.joints), 'joint')} and {count(len(reading.bodies), 'body', 'bodies')} agree"
     if found.agreement is not None:
-        agree += f", as do their {_force(found, several=True)} (to {found.agreement.scaled:.1g} of the largest)"
+        agree += f", as do their {_force(found, several=True)} (to {found.agreement.scaled:.1g} of the largest value)"
     if found.together is not None and any(found.together.calls):
-        agree += f" and the libraries' own torques as loaded (to {found.together.row.scaled:.1g})"
+        agree += f" and the libraries' own torques for the loaded files (to {found.together.row.scaled:.1g})"
     withheld = [*not_compared(found)]
     if withheld:
         yield f"Not all compared: {_join(withheld)}."
@@ -245,8 +245,8 @@ def _own_torques(both: Together) -> str:
     calls = [f"{call or 'dynamics'} of {side}" for side, call in zip("AB", both.calls, strict=True)]
     unit, forces = both.row.unit, "forces" if both.row.unit == "N" else "torques"
     return (
-        f"The libraries' own {forces} as loaded ({' and '.join(calls)}, with passive forces) differ by "
-        f"{both.row.value:.4g} {unit} at {both.row.component}; the largest is {both.largest:.4g} {unit}."
+        f"The libraries' own {forces} for the loaded files ({' and '.join(calls)}, with passive forces) differ by "
+        f"{both.row.value:.4g} {unit} at {both.row.component}; the largest value is {both.largest:.4g} {unit}."
     )
 
 
@@ -263,7 +263,7 @@ def _witness(witness: LibraryCheck) -> str:
 
 def _amount(largest: Largest) -> str:
     """Format a difference in torque, its component, and its share of the largest torque."""
-    return f"{largest.value:.4g} {largest.unit} at {largest.component} ({largest.scaled:.3g} of the largest)"
+    return f"{largest.value:.4g} {largest.unit} at {largest.component} ({largest.scaled:.3g} of the largest value)"
 
 
 def percent(share: float) -> str:
@@ -294,7 +294,7 @@ def not_compared(found: Findings) -> Iterator[str]:
     """Yield a phrase for each item that could differ but was not compared, and the model that contains it."""
     yield from name_sides(found.withheld)
     if found.why_not:
-        yield f"torques of the libraries as loaded: {found.why_not}"
+        yield f"torques of the libraries for the loaded files: {found.why_not}"
 
 
 def name_sides(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
@@ -331,7 +331,7 @@ def _of_side(model: Model, found: Findings) -> Iterator[str]:
 
 
 def _calls(found: Findings) -> Iterator[str]:
-    """Name passive forces that one library's inverse dynamics contain and the other library's inverse dynamics omit."""
+    """List passive forces that only one of the two libraries includes in its inverse dynamics."""
     pairs = ((x, y) for x in found.witnesses for y in found.witnesses if x.library != y.library)
     for more, less in pairs:
         if what := sorted({*more.adds} & {*less.omits}):
@@ -346,6 +346,6 @@ def _call(more: LibraryCheck, less: LibraryCheck, what: Sequence[str], found: Fi
     cases = [*filter(None, (PROPERTIES[each].call for each in what))]
     book = f" (casebook: {', '.join(cases)})" if cases else ""
     return (
-        f"{CALLS[more.library]} of {more.side} contains {join(what)}, {CALLS[less.library]} of {less.side} does "
+        f"{CALLS[more.library]} of {more.side} contains {join(what)}, but {CALLS[less.library]} of {less.side} does "
         f"not: called directly, they differ by {most.value:.4g} {most.unit} at {most.component}{book}"
     )

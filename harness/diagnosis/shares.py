@@ -1,4 +1,4 @@
-"""Torques of A with some of B's values, along motions that A's loops admit; and comparison of joint orders."""
+"""Torques of A with some of B's values, along motions that A's loops allow; and comparison of joint orders."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _reach(reading: Reading) -> float:
 
 
 def components(reading: Reading) -> list[tuple[str, str]]:
-    """Return the name and unit of the force along each velocity."""
+    """Return the name and unit of the force conjugate to each velocity."""
     ends = {"hinge": ("",), "slide": ("",), "ball": (".x", ".y", ".z"), "free": (".wx", ".wy", ".wz", ".x", ".y", ".z")}
     return [
         (name + end, "N" if joint.kind == "slide" or (joint.kind == "free" and k > 2) else "N m")
@@ -93,7 +93,7 @@ class Largest:
 
 @dataclass(frozen=True, eq=False)
 class Torques:
-    """Torques of a machine before and after changes, for motions that its loops admit.
+    """Torques of a machine before and after changes, for motions that its loops allow.
 
     Attributes:
         reading: The machine, with gravity.
@@ -126,7 +126,7 @@ class Torques:
 
     @cached_property
     def scale(self) -> Array:
-        """Largest torque of the same unit, for each component. Shape (n_freedom,)."""
+        """Largest torque with the same unit, for each component. Shape (n_freedom,)."""
         slides, most = _slides(self.reading), np.abs(self.own).max(axis=0, initial=0.0)
         scale = np.ones(len(most))
         for which in (slides, ~slides):
@@ -159,7 +159,7 @@ class Torques:
         return [name for name, _ in components(self.reading)]
 
     def scaled(self, effect: Array) -> Array:
-        """Scale an effect by the largest torques of the same unit, projected onto admissible motions. Shape (k,)."""
+        """Project an effect onto admissible motions, and divide it by the largest torque in its unit. Shape (k,)."""
         if self.bases is None:
             return np.asarray(effect / self.scale).ravel()
         units = _units(self.reading)
@@ -224,7 +224,7 @@ class Order:
 
 
 def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) -> Order | None:
-    """Compare the orders of the joints that two models share; None if the orders agree or a model is a description.
+    """Compare the order of the joints that two models share; None if it is the same or a model is a description.
 
     Args:
         joints: Joint of A -> joint of B.
@@ -235,7 +235,7 @@ def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed:
     there = {other: name for name, other in joints.items()}
     first = tuple(name for name in a.joints if name in joints)
     second = tuple(there[other] for other in b.joints if other in there)
-    phrases = f"{models[0].library} indexes the joints of A", f"{models[1].library} the joints of B"
+    phrases = f"{models[0].library} indexes the joints of A", f"and {models[1].library} the joints of B"
     return _order(a, (first, second), [joints[name] for name in second], phrases, seed)
 
 
@@ -252,7 +252,7 @@ def warn_of_order(file: Path, imported: Imported, *, meshes: bool = False) -> tu
     source, reading = prepare(file, meshes=meshes), expected_reading(imported.mechanism, "full", gravity)
     orders = [[imported.names.get(name, name) for name in order(source)] for order in (by_name, in_file)]
     first, second = (tuple(name for name in order if name in reading.joints) for order in orders)
-    phrases = "pinocchio indexes the joints of a URDF of this model", "mujoco the joints of the file"
+    phrases = "pinocchio indexes the joints of a URDF of this model", "and mujoco the joints of the file"
     order = _order(reading, (first, second), second, phrases, 0)
     return () if order is None else (order.sentence,)
 
@@ -268,7 +268,7 @@ def _order(
 
     Args:
         names: Joints in the second order, as they are named in the second model.
-        phrases: Library and joints of each order, as text.
+        phrases: Library and joints of each order, as clauses of one sentence.
     """
     first, second = orders
     if first == second:

@@ -117,7 +117,7 @@ class Speaker:
         return join([f"{what} of {part}" for part, what in whats.items()])
 
     def _several(self, facts: Sequence[Fact], parts: Sequence[str]) -> str:
-        """Describe facts about several parts by what they share, or else by an example."""
+        """Describe facts about several parts by what they have in common, or else by an example."""
         first, names = facts[0], "" if self.brief else f": {first_few(parts, _NAMED)}"
         if first.what in kinds():
             return f"{_content(first, 1)}; and {len(facts) - 1} more like it"
@@ -195,7 +195,7 @@ def _values(fact: Fact) -> str:
 
 
 def _common_predicate(facts: Sequence[Fact], *, several: bool) -> str:
-    """Describe what many facts share, as a predicate; empty if they share nothing."""
+    """Return a predicate for what many facts have in common; empty if they have nothing in common."""
     factor, verb = factor_of(facts[0]), "are" if several else "is"
     if factor is not None and all(factor_of(fact) == factor for fact in facts):
         return f"{verb} {factor:g} times as large in B ({percent(factor)})"
@@ -217,7 +217,7 @@ def _has_value(fact: Fact, side: str) -> bool:
 
 
 def nouns(facts: Sequence[Fact]) -> str:
-    """List the nouns of facts, without repetition."""
+    """List the nouns for the properties of facts, without repetition."""
     order = dict.fromkeys([*PROPERTIES, *EVENTS, *(fact.what for fact in facts)])
     whats = sorted({fact.what for fact in facts}, key=[*order].index)
     return join([noun(what) for what in whats])
@@ -326,7 +326,7 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
 
 #: Event or property -> sentence; brief sentences omit the text in brackets.
 _SENTENCES = {
-    "sign": "{fact.part} counts in the opposite direction in B[ (its axis is reversed)]",
+    "sign": "{fact.part} is measured in the opposite direction in B[ (its axis is reversed)]",
     "placement": "{fact.part} is displaced in B[, with its subtree]: {step}",
     "axis": "{fact.part}: in B its axis is {step}[; its child is not moved]",
     "start": "{fact.part} starts at a different pose in B, {step}[; a free body has the same motions]",
@@ -339,8 +339,8 @@ _SENTENCES = {
 }
 #: Property -> text appended for a convention.
 _SAME = {
-    "gear": "; the motor is the same, as its joint counts in the opposite direction",
-    "limits": "; the same numbers, counted from a different zero",
+    "gear": "; the motor is the same, because its joint is measured in the opposite direction",
+    "limits": "; the numbers are the same, but measured from a different zero",
 }
 _TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {
     "whole": _whole,

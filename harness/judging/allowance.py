@@ -23,7 +23,7 @@ from screwgauge.solution import SOFTNESS, Error, Solution
 #: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
 #: of the comparison.
 LIMIT = FLOAT64.limit
-#: Largest scaled error attributed to integration: a larger one could hide a mistake of a thousandth.
+#: Largest scaled error attributed to integration: a larger limit could hide a relative error of 1e-3.
 MOST = 1e-4
 #: Start of the reason of a pair that agrees within integration error.
 WITHIN = "within the integration error"
@@ -43,7 +43,7 @@ class Granted:
         usual: Limit at any sample.
         limits: Limit at each sample for its condition number, not including integration error. Shape (n,).
         doubts: Limit from the engines' own error estimates; a difference between `limits` and `doubts` is undecided.
-            (n,).
+            Shape (n,).
         why: Reason why `usual` exceeds the scene's tolerance; empty if the reason is soft constraints.
         scale: Scale of the errors.
         integration: Engine -> its estimated integration error, scaled. Shape (n,).
@@ -71,14 +71,14 @@ class Granted:
         sizes = {engine: float(error[row]) for engine, error in self.integration.items() if np.isfinite(error[row])}
         if not sizes or (ok and size <= usual):
             return ""
-        shares = " and ".join(f"{error:.1g} by {engine}" for engine, error in sizes.items())
+        shares = " and ".join(f"{error:.1g} from {engine}" for engine, error in sizes.items())
         whole = sum(sizes.values())
         if ok:
             return f"{WITHIN}: at most {shares}"
         if size > usual + whole:
             return f"integration explains at most {shares}; at least {size - whole:.2g} remains unexplained"
         why = "the scene sets the tolerance" if self.binding else f"at most {MOST:g} is attributed to integration"
-        return f"{WITHIN} that the engines state: at most {shares}; {why}"
+        return f"{WITHIN} that was estimated: at most {shares}; {why}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +88,7 @@ class Allowance:
     Attributes:
         tolerance_of: Quantity -> scaled error up to which two engines agree, as given by the scene.
         binding: Quantities whose tolerance the scene itself sets: no integration error is allowed in addition.
-        stated: Table -> quantity -> error that the scene states for the table's values [their units].
+        stated: Table -> quantity -> error that the scene states for the table's values [in their units].
         integration: Engine -> integration error measured with additional runs.
         summands: Returns unit -> magnitude of the terms at the states of the scene; a value below the rounding error of
             its terms counts as zero.

@@ -80,7 +80,7 @@ class Answer:
 
     @property
     def joints(self) -> tuple[Array, Array, Array]:
-        """All joint coordinates and two derivatives. Shape (n, n_q) each."""
+        """All joint coordinates and their first two derivatives. Shape (n, n_q) each."""
         return self.q, self.states.qd, self.states.qdd
 
     @property
@@ -102,7 +102,7 @@ class Answer:
     def fastest(self, order: int, unit: str) -> float:
         """Return the largest derivative of any joint coordinate in a unit, or the natural scale for order 0.
 
-        For accelerations, squared rates also count. The mechanism's length converts between angles and lengths.
+        For accelerations, squared velocities are included. The mechanism's length converts between angles and lengths.
         """
         if not order:
             return self.scales[unit]
@@ -121,7 +121,7 @@ class Answer:
         """Return the largest residual of an equation, with component and time.
 
         Args:
-            components: Names of the columns.
+            components: Names of the columns of `missing`.
             missing: Residual of the equation. Shape (n, m).
             size: Scale of the residual, namely its largest term: a number, or an array with a value per component,
                 shape (m,).

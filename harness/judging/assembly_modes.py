@@ -70,7 +70,7 @@ def other_assemblies(
 ) -> Mapping[frozenset[str], str]:
     """Return a message for each pair of engines that are in different assembly modes, or not both in the home mode.
 
-    Joint positions that do not close the description's loops are ignored, because their geometry differs.
+    Joint positions that do not close the description's loops are ignored, because they belong to a different geometry.
     """
     if isinstance(problem.task, States):
         return {}
@@ -91,7 +91,7 @@ def other_assemblies(
 def _away_from_home(
     mechanism: Mechanism, task: GivenMotion | InitialValue, known: Sequence[tuple[Solution, Array]]
 ) -> dict[frozenset[str], str]:
-    """Return a message for each pair with an engine whose given motion is not in the home assembly mode.
+    """Return a message for each pair with an engine that is not in the home assembly mode in a given motion.
 
     The engine `screw` follows that mode, so nothing is checked if it took part. Simulations are not checked, because
     they may leave the mode: where the independent coordinates do not determine the motion, inertia determines it.
@@ -138,7 +138,7 @@ def _describe_difference(mechanism: Mechanism, t: Array, pair: tuple[Array, Arra
     coordinate = mechanism.coordinates[c].rpartition(".")[2]
     start = f"t = {t[rows[first]]:.6g} s"
     lasts = held.sum() == len(t) - rows[first]
-    when = f"from {start} on" if lasts else f"at {held.sum()} of {len(t)} samples, first {start}"
+    when = f"from {start} on" if lasts else f"at {held.sum()} of {len(t)} samples, first at {start}"
     return f"{when}: {name} ({coordinate} {q_b[first, c]:.4g} against {q_a[first, c]:.4g})"
 
 
@@ -152,7 +152,7 @@ _ALONG = tuple(name for name in QUANTITIES if QUANTITIES[name].of in ("joint", "
 
 
 def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dict[str, Solution]:
-    """Convert joint angles, and rates and forces along them, to the reference's chart.
+    """Convert joint angles, and the corresponding rates and forces, to the reference's chart.
 
     The reference is the truth if it has all joint positions, or else the first solution that has them.
 

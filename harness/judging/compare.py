@@ -36,7 +36,7 @@ def compare(
     allowance: Allowance,
     refusals: Sequence[Refusal] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Compute errors of every pair of solutions, which must use one angle chart, see `in_one_chart`.
+    """Compute errors of every pair of solutions; all solutions must use the same angle chart (see `in_one_chart`).
 
     Args:
         failures: Engines without solutions; the rows of their pairs give the reason.
@@ -106,7 +106,7 @@ def reference_scale(values: Values, unit: str, natural: float) -> float:
 
 
 def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -> dict[str, tuple[str, bool]]:
-    """Map each component to its rule, and True if it is unique under any rule; "" stands for the other components."""
+    """Map each component to its rule and a flag for uniqueness under any rule; "" stands for the other components."""
     if not QUANTITIES[quantity].ruled:
         return {"": ("", True)}
     driven = dict[str, str]()

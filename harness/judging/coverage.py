@@ -250,7 +250,7 @@ class _Composition:
 
 
 def _any_poses(y: Array) -> Rows:
-    """Return rows at which to try random velocities; empty if an independent coordinate is constant. Shape (k,)."""
+    """Return samples at which to try random velocities; empty if an independent coordinate is constant. Shape (k,)."""
     n = ANY if np.ptp(y, axis=0).all() else 0
     return np.unique(np.linspace(0, len(y) - 1, n).astype(np.intp))
 

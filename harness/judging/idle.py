@@ -148,7 +148,7 @@ def _steps(answer: Answer, given: GivenMotion) -> Array:
 
 
 def _answer_at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
-    """Build the answer at different states of a motion, closed from the poses of the samples `rows`, of shape (n,)."""
+    """Build the answer at other states of a motion; close the loops from the poses at samples `rows`, shape (n,)."""
     mechanism = answer.mechanism
     joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
     joints[0] = answer.q[rows]

@@ -51,7 +51,7 @@ def judge(
         refused: Samples without values, which cannot be judged.
         tolerance_of: Quantity -> scaled error that the scene allows for a given motion. If larger than `tolerance`, it
             limits the residuals of that quantity.
-        again: The same simulation with looser tolerances.
+        again: Solutions of the same simulation with looser tolerances.
     """
     task = motion_task(problem)
     rows: Rows = np.arange(len(task)) if solution.rows is None else solution.rows
@@ -87,7 +87,7 @@ def _knows_joints(solution: Solution) -> bool:
 
 
 def _few(rows: Rows) -> Rows:
-    """Choose `MOST` evenly spread rows."""
+    """Choose at most `MOST` evenly spaced samples."""
     return np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.intp))
 
 
@@ -140,7 +140,8 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
     given y.
 
     Args:
-        given: The given motion, if any; second derivatives of its idle coordinates follow from the forces.
+        given: The given motion, if any; accelerations of its idle coordinates are not compared, because forces
+            determine them.
         orders: Orders of the derivatives; orders missing from the answer are skipped.
     """
     mechanism = answer.mechanism
@@ -214,7 +215,7 @@ def _summands(answer: Answer) -> dict[str, float]:
 def answer_in_motion(
     mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows
 ) -> tuple[Answer, AdmissibleMotion]:
-    """Return the answer at some samples, completed if the motion is given, and the motions that the loops admit."""
+    """Return the answer at some samples, completed if the motion is given, and the motions that the loops allow."""
     answer = answer_at(mechanism, problem, solution, rows)
     admissible = admissible_motion(answer.motion)
     if isinstance(problem.task, GivenMotion):

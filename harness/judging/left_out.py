@@ -56,7 +56,7 @@ class LeftOutTerm:
         names: Owners, given as noun and name: ``joint m1``.
         size: Largest force that this kind adds to an actuator or, if actuators do not drive all degrees of freedom,
             along an independent coordinate [unit].
-        of: Largest total force of this unit in the same components, including all omitted forces [unit].
+        of: Largest total force with this unit in the same components, including all omitted forces [unit].
         component, t: Component and time [s] of the largest force.
         file: Name of the model file that contains the force; empty for the file from which the description was made.
     """
@@ -85,7 +85,7 @@ class MeasuredPart:
     """Omitted forces at some states of an answer.
 
     Attributes:
-        admissible: Motions that the loops admit.
+        admissible: Motions that the loops allow.
         needed: Kind -> required wrenches on bodies.
         names: Kind -> its owners.
     """
@@ -97,7 +97,7 @@ class MeasuredPart:
 
     @cached_property
     def driven(self) -> Array:
-        """Velocities of the actuators per velocity of y. Shape (n, n_actuator, k)."""
+        """Actuator velocities per unit velocity of each coordinate in y. Shape (n, n_actuator, k)."""
         return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
 
     def generalized(self, wrenches: Array) -> Array:
@@ -148,7 +148,7 @@ class MeasuredPart:
 
 
 Moments = Callable[[], Iterator[tuple[Answer, AdmissibleMotion]]]
-"""Parts of an answer with positions, velocities and accelerations, and the admitted motions."""
+"""Yields parts of an answer with positions, velocities and accelerations, each with its admissible motions."""
 
 
 MeasuredParts = Iterator[MeasuredPart]

@@ -55,7 +55,7 @@ class Residual:
 
     @property
     def digits(self) -> float:
-        """Digits of agreement, NaN if the error is NaN."""
+        """Digits of agreement; NaN if the error is NaN."""
         return digits(self.error)
 
 
@@ -121,5 +121,5 @@ def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
 
 
 def columns_of(row: type[Any]) -> dict[str, str]:
-    """Map columns to the fields of a dataclass, with equal names."""
+    """Map the name of each field of a dataclass to itself, as columns for `frame`."""
     return {field.name: field.name for field in fields(row)}

@@ -198,7 +198,7 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
 
 
 def _deviations(answer: Answer, name: str, names: Sequence[str], units: Sequence[str], right: Array) -> Residuals:
-    """Yield a reported quantity minus its right values `right`, (n, m); the mechanism's length converts the scale."""
+    """Yield a reported quantity minus its correct values `right`, (n, m); the mechanism's length converts scales."""
     missing, length = answer.values[name].pick(tuple(names)).array - right, answer.scales["m"]
     load = largest(right / [arm(unit, length) for unit in units])
     for unit in dict.fromkeys(units):
@@ -208,7 +208,7 @@ def _deviations(answer: Answer, name: str, names: Sequence[str], units: Sequence
 
 
 def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]) -> Residuals:
-    """Yield reported minus admissible rates per rate of each actuator; `idle` coordinates are at rest."""
+    """Yield the reported Jacobian minus the rates per unit rate of each actuator, with `idle` coordinates at rest."""
     mechanism, com, points = answer.mechanism, answer.motion.com, answer.points
     v, w = np.split(admissible.bodies, 2, axis=2)  # shapes (n, n_body, 3, k)
     spots = [(i, -body.com) for i, body in enumerate(mechanism.bodies)]
@@ -337,7 +337,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Res
 
 
 def _axial(answer: Answer) -> Residuals:
-    """Yield the component of the spherical joint's force across the line of eq. (56)."""
+    """Yield the component of the spherical joint's force perpendicular to the line of eq. (56)."""
     mechanism = answer.mechanism
     if mechanism.axial is None:
         return
@@ -360,7 +360,8 @@ def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
     The residual is scaled by its largest term: kinetic energy, gravity, springs or work.
 
     Args:
-        looser: The same motion integrated with looser tolerances; changes in the balance count as integration error.
+        looser: Answers for the same simulation with looser tolerances; changes in the balance count as integration
+            error.
     """
     if (balance := _balance(answer)) is None:
         return

@@ -1,4 +1,4 @@
-"""Trustworthy accuracy: estimated errors, singular poses passed, integration errors, rejected samples.
+"""How far solutions can be trusted: estimated errors, singular poses passed, integration errors, rejected samples.
 
 Errors are estimated from conditioning, and for simulations also from integration: the same motion, integrated with
 looser tolerances, shows the size of the integration error. For samples without numbers, the responsible singularity is
@@ -31,8 +31,8 @@ def examine_path(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, A
     Args:
         q: Joint coordinates of the description, as an engine integrated them. Shape (m, n_q).
         t: Times [s]. Shape (m,).
-        near: Condition number assumed for a singular pose between two samples; poses with a larger number are stepped
-            over.
+        near: Condition number assumed for a singular pose between two samples; an integrator steps over poses with a
+            larger condition number.
 
     Returns:
         Largest condition number of the closed loops over y up to each sample, shape (m,).
@@ -84,7 +84,7 @@ def integration_note(found: Integrated) -> str:
 def integration_errors(solution: Solution, looser: Sequence[Solution]) -> Integrated:
     """Estimate a simulation's integration error from runs with looser tolerances.
 
-    The error never decreases in time, and is NaN from the first sample at which a run has no number.
+    The error never decreases with time, and is NaN from the first sample at which a run has no number.
 
     Args:
         looser: The runs with looser tolerances, with the same quantities and samples; empty if they failed.
@@ -154,7 +154,7 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
         t = ", ".join(f"{motion.t[i]:.6g}" for i in rows[:SHOWN]) + (", ..." if len(rows) > SHOWN else "")
         sentence = (
             f"{what} at {len(rows)} of {len(motion)} samples (t = {t} s; first at {mechanism.described(first)}): "
-            f"{', '.join(quantities)}{' of ' if part else ''}{', '.join(part)} not computed there"
+            f"{', '.join(quantities)}{' of ' if part else ''}{', '.join(part)} cannot be computed there"
         )
         refused.append(Refusal(solution.engine, tuple(quantities), np.array(rows), what, sentence))
     return tuple(refused)

@@ -192,7 +192,9 @@ KINDS: dict[str, Mutation] = {
     "products_in_other_order": _tensor(
         changes.reordered, slip="products of inertia are in a different order", fits=changes.unlike_products
     ),
-    "axes_permuted": _tensor(changes.permuted, slip="principal moments are on different axes", fits=changes.principal),
+    "axes_permuted": _tensor(
+        changes.permuted, slip="principal moments are assigned to different axes", fits=changes.principal
+    ),
     "moments_permuted": _tensor(
         changes.permuted, slip="moments of inertia are in a different order", fits=changes.full
     ),

@@ -60,12 +60,12 @@ def _merge_sides(groups: Sequence[tuple[Fact, ...]]) -> list[tuple[Fact, ...]]:
 
 
 def without_sides(name: str) -> str:
-    """Remove the markers of left and right from a name."""
+    """Replace the markers of left and right in a name by ``~``."""
     return re.sub(r"[lr]", "~", re.sub(r"left|right", "~", name.lower()))
 
 
 def factor_of(fact: Fact) -> float | None:
-    """Return the common factor from A's value to B's value; None if it is 1 or does not exist."""
+    """Return the factor that scales A's value to B's value; None if it is 1 or does not exist."""
     if fact.what not in PROPERTIES or not (PROPERTIES[fact.what].scales or fact.what == "com"):
         return None
     if fact.a is None or fact.b is None:
@@ -153,8 +153,8 @@ class Cause:
     Attributes:
         groups: Groups of facts; several groups if their effects cancel and they are shown together.
         share: Share of the torque difference due to this cause alone; NaN if no change of a value reproduces it.
-        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, without effect on torques; ``small``,
-            several causes of little weight.
+        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, no effect on torques; ``small``, several
+            causes with small shares.
     """
 
     groups: tuple[tuple[Fact, ...], ...]
@@ -215,7 +215,7 @@ def _row(groups: Sequence[tuple[Fact, ...]], torques: Torques) -> _Row:
 
 
 def _give_shares(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
-    """Assign shares; as long as a share is out of bounds, merge the largest row with the row that best cancels it."""
+    """Assign shares; while a share is out of bounds, merge the largest row with the row that best cancels it."""
     size = float(np.linalg.norm(total))
     if size < NOTHING * max(map(_size, rows)):
         return [Cause(tuple(group for groups, _ in rows for group in groups), math.nan)]
@@ -248,7 +248,7 @@ def _order(cause: Cause) -> tuple[object, ...]:
 
 
 def _merge_small(causes_: list[Cause]) -> list[Cause]:
-    """Merge causes of little weight, and unseen causes of one property."""
+    """Merge causes with small shares, and merge unseen causes that concern the same property."""
     tiny = [each for each in causes_ if each.kind == "cause" and 0.0 < abs(each.share) < SMALL]
     whats = dict.fromkeys(each.facts[0].what for each in causes_ if each.kind == "unseen")
     unseen = [[c for c in causes_ if c.kind == "unseen" and c.facts[0].what == what] for what in whats]

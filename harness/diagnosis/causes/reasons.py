@@ -92,7 +92,7 @@ def _merge_reasons(some: Iterable[Reason]) -> list[Reason]:
 
 
 def _whole(case: Unexplained) -> Iterator[Reason]:
-    """Find units that scale B as a whole."""
+    """Find units that explain the scale factors of B as a whole."""
     for fact in (each for each in case.of("whole") if isinstance(each.b, Whole)):
         for factor, si in ((fact.b.length, "m"), (fact.b.mass, "kg"), (fact.b.inertia, "kg m^2")):
             for value, name in UNITS[si].items():
@@ -149,7 +149,7 @@ def _orders(case: Unexplained) -> Iterator[Reason]:
 
 
 def _cycles(names: Mapping[str, str]) -> Iterator[list[str]]:
-    """Find cycles of a permutation of names, each in the order of the names."""
+    """Yield the cycles of a permutation of names; each cycle keeps the original order of its names."""
     left = [*names]
     while left:
         cycle = [left[0]]
@@ -174,7 +174,7 @@ def _exchanges(case: Unexplained) -> Iterator[Reason]:
 
 
 def _is_number(fact: Fact) -> bool:
-    """Return True if both models have a value, and it is a number, vector or tensor that a file specifies."""
+    """Return True if both models have a value that is a number, vector or tensor in a file."""
     stated = fact.what in PROPERTIES and PROPERTIES[fact.what].shape is not None and fact.what not in PLACED
     return stated and fact.a is not None and fact.b is not None and np.shape(fact.a) == np.shape(fact.b)
 
@@ -199,7 +199,7 @@ def _gears(case: Unexplained) -> Iterator[Reason]:
 
 
 def _differing_bodies(case: Unexplained) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
-    """Yield differing bodies, seen from A and from B: machine, body, other machine, both mass properties, facts."""
+    """Yield differing bodies, seen from A and from B: machine, body, other machine, mass properties in each, facts."""
     pair = case.pair
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
         other = pair.bodies[name]
@@ -211,13 +211,13 @@ def _differing_bodies(case: Unexplained) -> Iterator[tuple[Machine, str, Machine
 
 
 def _to_a(pair: Pair, name: str) -> Array:
-    """Return the frame of a body's partner relative to the frame of the body. Shape (4, 4)."""
+    """Return the pose of a body's partner relative to the body, with the two models aligned. Shape (4, 4)."""
     other = pair.b.bodies[pair.bodies[name]]
     return relative(pair.a.bodies[name].pose, pair.placed[name] @ other.pose)
 
 
 def _merges(case: Unexplained) -> Iterator[Reason]:
-    """Find fixed links that the other model merged incorrectly into their body: try all together, then one by one."""
+    """Find fixed links that the other model merged incorrectly into a body; try them all together, then one by one."""
     for own, name, there, old, new, facts in _differing_bodies(case):
         body = own.reading.bodies[name]
         gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}
@@ -299,7 +299,7 @@ def _differing_joints(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], tup
 
 
 def _single_slips(case: Unexplained) -> Iterator[Reason]:
-    """Find slips of single values."""
+    """Find slips in single values."""
     for facts, _, places in _differing_joints(case):
         if any(fact.what == "placement" for fact in facts):
             yield from _of_placement(case, facts, *places)
@@ -318,7 +318,7 @@ def _of_placement(case: Unexplained, facts: tuple[Fact, ...], a: Array, b: Array
 
 
 def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
-    """Yield single values with facts, link and property, link by link for a body with the same links in both files."""
+    """Yield values to test, with facts, link and property; treat links separately if both files have the same links."""
     for fact in (each for each in case.facts if _is_number(each) and each.what not in INERTIAL):
         yield (fact,), "", fact.what, _trial(case, fact.a, fact.b, fact.unit)
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
@@ -348,7 +348,7 @@ def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array
 def _inertials(
     files: tuple[Written, Written], names: tuple[str, str]
 ) -> tuple[dict[str, Array], list[tuple[Slip, Array]]]:
-    """Return the axes in which the files give a tensor, and rotations of A's tensor to axes in other conventions."""
+    """Return the axes in which each file gives a tensor, and slips in these axes with the rotations they cause."""
     frames, turns = {}, list[tuple[Slip, Array]]()
     for side, file, name in zip("AB", files, names, strict=True):
         if (link := file.link(name)) is None:

@@ -1,4 +1,4 @@
-"""Tries slips in single values one by one, and reads the text of a model file in different conventions."""
+"""Tries typical mistakes (slips) in single values, and reads the text of a model file in different conventions."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Written:
         return {GROUND: np.eye(4), **{link.name: link.frame for link in self.links}} if self.links else {}
 
     def meanings(self, holder: Element | None) -> Iterator[tuple[Slip, Array]]:
-        """Yield the rotation of an element, read in different conventions: units, sequence, position of w."""
+        """Yield the rotations of an element as read in other conventions for units, Euler sequence or quaternions."""
         place = holder and (holder.find("origin") if self.form == "urdf" else holder)
         text = place and place.get("rpy" if self.form == "urdf" else "euler")
         if place and self.form == "mjcf" and (quat := place.get("quat")):
@@ -95,7 +95,7 @@ class Written:
             yield slip, {GROUND: np.eye(4), **{link.name: F for link, F in zip(self.links, frames, strict=True)}}
 
     def from_geoms(self, name: str, library: str) -> str:
-        """Return the slip by which a link gets its mass properties from geoms; empty if the file specifies them."""
+        """Return the slip if a link's mass properties come from its geoms; empty if the file specifies them."""
         link = self.link(name)
         geoms = [each for each in link.element.children if each.tag in ("geom", "collision")] if link else []
         if geoms and library == "mujoco" and self.options.get("inertiafromgeom") == "true":
@@ -160,7 +160,7 @@ class Trial:
     turns: Sequence[tuple[Slip, Array]] = ()
 
     def fits(self, value: Array) -> bool:
-        """Return True if the value matches B's value to the precision of the files, much better than A's value does."""
+        """Return True if a value equals B's to the precision of the files, and fits much better than A's value."""
         before, large = float(np.abs(self.b - self.a).max()), float(np.abs(self.a).max())
         left = max(self.loose * float(np.abs(self.b).max()), 1e-9 * large)
         return before > self.loose * large and float(np.abs(value - self.b).max()) <= min(left, SHARE * before)
@@ -221,7 +221,7 @@ def vector(t: Trial) -> Guesses:
 
 
 def polynomial(t: Trial) -> Guesses:
-    """Try offset and multiplier exchanged, inverted, or in degrees."""
+    """Try an exchanged offset and multiplier, an inverse multiplier or function, and an offset in degrees."""
     offset, multiplier, *more = (*t.a, 0.0)
     if len(t.a) > 1 and multiplier and not any(more):
         guesses = {
@@ -241,7 +241,7 @@ def direction(t: Trial) -> Guesses:
 
 
 def tensor(t: Trial) -> Guesses:
-    """Try slips in the reference point, the axes and the entries of an inertia tensor."""
+    """Try mistakes in the reference point, the axes and the entries of an inertia tensor."""
     away = t.matter.mass * steiner(t.matter.com)
     yield ("about the origin",), t.a + away
     yield ("parallel axis twice",), t.a - away
@@ -263,7 +263,7 @@ def tensor(t: Trial) -> Guesses:
 
 
 def _entries(I: Array) -> Guesses:
-    """Try slips in the entries of a tensor, in the axes in which the file gives it."""
+    """Try mistakes in the entries of a tensor, given in the axes of the file."""
     moments = np.diag(np.diag(I))
     yield ("products of opposite sign",), 2.0 * moments - I
     yield ("no products",), moments

@@ -1,4 +1,4 @@
-"""Difference between two machines as data, the pair of machines, and the rounding of printed digits."""
+"""Facts (differences between two machines, as data), and the detection of facts that are due to rounding."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class Fact:
     """A physical difference between the two models.
 
     Attributes:
-        part: Name of the body, joint, closure or actuator in A, or in B if A lacks it; empty for the model.
+        part: Name of the body, joint, closure or actuator in A, or in B if A lacks it; empty for the whole model.
         what: Property or event; `words` lists all of them.
         a, b: Values in A's frames and coordinates; None if a model lacks the value. A step from A to B in A's world
             frame is a rotation vector [rad] and a translation [m], shape (2, 3).
         unit: SI unit; empty for a dimensionless number.
         size: Relative difference, or difference in machine lengths and rad; infinite if a model lacks the value.
         kind: ``model``; ``convention``, which does not change the motion; ``digits``, rounding of printed numbers.
-        changes: Changes that give A the value of B; empty if no change of a value can.
+        changes: Changes that give A the value of B; empty if no change of a value can do so.
         partner: Name of the part in B; empty if B lacks it.
         of: A second part: the body in whose axes a step is expressed, or the joint of an actuator.
         more: Further names, e.g. of the bodies that a missing link carries.
@@ -71,7 +71,7 @@ def known_gravity(gravity: Array | None) -> Array:
 
 
 def other_gravity(a: Reading, b: Reading) -> str:
-    """Return the model that lacks gravity if the other model specifies non-standard gravity, or an empty name."""
+    """Return the model that lacks gravity if the other model specifies non-standard gravity, else an empty name."""
     if (a.gravity is None) == (b.gravity is None):
         return ""
     usual = np.allclose(known_gravity(a.gravity), known_gravity(b.gravity), rtol=1e-12, atol=1e-12)
@@ -153,7 +153,7 @@ def _values(text: str) -> list[str]:
 
 
 def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, int] = (0, 0)) -> list[Fact]:
-    """Mark facts that are due to the rounding of a file.
+    """Mark facts that are due to rounded numbers in a file.
 
     Args:
         digits: Digits to which the numbers of A's and B's files are rounded.

@@ -1,8 +1,8 @@
 """Compares links: kind, placement, axis, zero position and sense of joints, and their passive forces and limits.
 
-With a body aligned with its partner, the displacement between two neighbours splits into a motion of their joint, which
-is a difference in its zero, and a remainder, which is a difference in placement; the axis is the location of the joint
-on either body.
+Once a body is aligned with its partner, the displacement of a neighbouring body splits into a motion of the joint
+between them, which is a difference in zero position, and a remainder, which is a difference in placement. The axis is
+the location of the joint on both bodies.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def link_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _is_plain(link: Link) -> bool:
-    """Return True if a link consists only of hinges and slides of the file."""
+    """Return True if a link consists only of hinges and slides that are joints in the file."""
     return all(each.joint and each.kind in ("hinge", "slide") for each in link.elements)
 
 
@@ -70,7 +70,7 @@ def _lost_forces(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterator[Fact]:
-    """Yield joints that the other model fixes, or else both kinds of link, which may be equivalent in loops."""
+    """Yield joints that the other model fixes, or else the two kinds of the link, which loops may make equivalent."""
     met = [*_match_joints(pair, one, other)]
     if met and len(met) == min(len(one.elements), len(other.elements)):
         for k, (side, link) in enumerate(zip("AB", (one, other), strict=True)):
@@ -86,7 +86,7 @@ def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterat
 
 
 def _match_joints(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element, Element]]:
-    """Match joints of two links of different kinds that have equal axes, in order."""
+    """Match joints that have equal axes in two links of different kinds, keeping their order."""
     if len(one.elements) == len(other.elements):
         return
     left, T = [*other.elements], pair.placed[one.near]
@@ -149,10 +149,10 @@ def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
 
 
 def _ways(link: Link, D: Array, length: float, same: Sequence[float]) -> Sequence[float]:
-    """Compute the steps of the joints of a link that best approximate a displacement D.
+    """Compute the joint motions of a link that best approximate a displacement D.
 
     Args:
-        same: Steps that give equal coordinates; they are preferred if they fit equally well.
+        same: Joint motions that give equal coordinates; they are preferred if they fit equally well.
     """
     fitted = steps_of(link, D, length)
     if (
@@ -179,7 +179,7 @@ def _entries(E: Array, length: float) -> Array:
 
 
 def remainder_of(link: Link, D: Array, ways: Sequence[float] | Array, length: float) -> tuple[Array, float]:
-    """Compute the remainder of a displacement after steps of the joints, shape (4, 4), and its magnitude."""
+    """Compute the remainder of a displacement after motions of the joints, shape (4, 4), and its magnitude."""
     T: Array = np.eye(4)
     for element, way in zip(link.elements, ways, strict=True):
         T = exponential(element.kind, element.direction, element.centre, float(way)) @ T  # outer motions first
@@ -192,8 +192,8 @@ def _place_fact(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
 
     Args:
         D: Displacement from A's near body to B's near body, with the far bodies aligned. Shape (4, 4).
-        X: Displacement from A's far body to B's far body, with the near bodies aligned, without the motion of the
-            link. Shape (4, 4).
+        X: Displacement from A's far body to B's far body, with the near bodies aligned, excluding the motion of the
+            joints. Shape (4, 4).
     """
     ends = {body for body, *_ in _shifts(pair, one, other)}
     far = ends == {one.far} if ends else one.elements[0].turned  # a shift along the axis is visible on neither body
@@ -215,7 +215,7 @@ def _place_fact(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
 
 
 def _end_change(link: Link, body: str, X: Array) -> Change:
-    """Return the change that displaces the end of a link on one of its bodies."""
+    """Return the change that displaces a link's end on the given body by X."""
     far = body == link.far
     element = link.elements[-1 if far else 0]
     if element.turned == far:  # the file declares the joint from this body to the other
@@ -224,7 +224,7 @@ def _end_change(link: Link, body: str, X: Array) -> Change:
 
 
 def _count_facts(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
-    """Compare the sense and the zero of a joint."""
+    """Compare the sense and the zero position of a joint."""
     name, partner = x.joint, pair.joints[x.joint]
     if partner.sign < 0.0:
         change = Change(name, "sign", np.array(-1.0))
@@ -255,7 +255,7 @@ def _joint_facts(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fac
 
 
 def _change_to_b(name: str, what: str, value: object) -> Change:
-    """Create a change to B's own number, for a joint whose zero and sense already equal B's."""
+    """Create a change to the number in B's file, for a joint that already has the zero and sense of B."""
     return Change(name, what, np.asarray(value, float))
 
 
@@ -269,7 +269,7 @@ def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, de
     """Compare limits, ignoring unreachable limits; equal numbers with a different zero count as a convention.
 
     Args:
-        described: True if either model is a description, whose files omit limits.
+        described: True if either model is a description; descriptions have no limits.
     """
     theirs = sorted(partner.sign * (x - partner.zero) for x in b.limits)
     first, second = (np.clip(each, -BOUNDLESS, BOUNDLESS) for each in (a.limits, theirs))
@@ -337,7 +337,7 @@ def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Element, 
 
 
 def _step(x: Element, y: Element) -> Array:
-    """Compute the rotation and translation from one feature to another, ignoring motion along a line. Shape (2, 3)."""
+    """Compute the rotation and translation between two features; omit translations without effect. Shape (2, 3)."""
     way = y.centre - x.centre
     way = {"hinge": way - (way @ y.direction) * y.direction, "ball": way, "slide": np.zeros(3)}[x.kind]
     sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0

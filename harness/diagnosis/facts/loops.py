@@ -28,7 +28,7 @@ SUM = 3.0
 
 
 def end_facts(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """Yield a fact for each displaced end of a closure, or one fact if both ends are displaced equally."""
+    """Yield a fact for each displaced end of a closure, or a single fact if both ends are displaced equally."""
     for x, y in zip(one.elements, other.elements, strict=True):
         for name, partner in closure_names(pair, x, y).items():
             ends = [*_ends(pair, name, partner)]
@@ -196,7 +196,7 @@ def _free_zeros(machine: Machine, pair: Pair) -> set[str]:
 
 
 def _is_round(machine: Machine, link: Link, x: Element) -> bool:
-    """Return True if a rotation about a hinge leaves the body at one of its ends unchanged."""
+    """Return True if a rotation about a hinge leaves one of the hinge's two bodies unchanged."""
     if x.kind != "hinge":
         return False
     T = exponential("hinge", x.direction, x.centre, 1.0)

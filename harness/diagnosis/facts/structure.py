@@ -1,4 +1,4 @@
-"""Compares the structure of two machines: missing parts, the model, actuators, and content without a typed entry."""
+"""Compares the structure of two machines: missing parts, gravity and medium, actuators, and other content of files."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
 
 
 def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
-    """Return the joint coordinate that gives the other model's relative pose; None if it is home or does not exist."""
+    """Return the joint coordinate that gives the other model's relative pose; None if this is home or impossible."""
     near, far = (next(name for name in own.bodies[end].members if name in owners) for end in (link.near, link.far))
     there = other.bodies[owners[near]].frames
     N, F = (own.bodies[end].frames[name] for end, name in ((link.near, near), (link.far, far)))
@@ -123,7 +123,7 @@ def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mappin
 
 
 def structure_facts(pair: Pair) -> Iterator[Fact]:
-    """Yield parts that only one model has: joints that the other model fixes, subtrees, links between paired bodies."""
+    """Yield parts that only one model has: joints fixed in the other model, subtrees, links between paired bodies."""
     yield from pair.lost
     for side, links in (("A", pair.only_a), ("B", pair.only_b)):
         machine = pair.a if side == "A" else pair.b
@@ -151,7 +151,7 @@ def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) 
 
 
 def _lost_link(side: str, what: str, link: Link, bodies: Sequence[str] = (), of: str = "") -> Fact:
-    """Create the fact for an unmatched link, with its bodies and `of`: their mass, or the link's coordinate."""
+    """Create the fact for an unmatched link and its bodies; `of` is their mass, or the coordinate of a fixed joint."""
     gone = side == "A" and bool(link.joints) and (what == "branch" or (what == "link" and len(bodies) == 1))
     changes = (Change(link.joints[0], what, np.array(0.0)),) if gone else ()
     fact = _lone_fact(side, "/".join(link.joints or link.names), what, link.kind)
@@ -239,7 +239,7 @@ Sided = tuple[tuple[str, Content], ...]
 
 
 def compare_content(pair: Pair) -> tuple[list[Fact], Sided, Sided]:
-    """Compare content without a typed entry item by item; pair the items by the parts on which they act.
+    """Compare content that is not in the fields of a reading; pair the items by the parts on which they act.
 
     Returns:
         Differences; content that could differ but is not compared; content that is out of scope.
@@ -295,7 +295,7 @@ def _group(content: Iterable[Content]) -> Mapping[object, list[Content]]:
 
 
 def _entries(a: Content, b: Content) -> Iterator[tuple[str, float | str, float | str]]:
-    """Yield the label and both values of each entry of two items."""
+    """Yield the label of each entry of two items, and its value in both."""
     for (_, name, x), (*_, y) in zip(sorted(a.of), sorted(b.of), strict=False):
         yield f"coefficient of {name}", x, y
     for (key, one), (_, other) in zip(a.values or (), b.values or (), strict=False):
@@ -313,7 +313,7 @@ def _size(x: float | str, y: float | str) -> float:
 
 
 def _same(a: Content, b: Content) -> bool:
-    """Return True if both items are known and have equal values, up to rounding."""
+    """Return True if the values of both items are known and equal, up to rounding."""
     if a.values is None or b.values is None or len(a.of) != len(b.of) or len(a.values) != len(b.values):
         return False
     labels = all(key == other for (key, _), (other, _) in zip(a.values, b.values, strict=True))
@@ -321,7 +321,7 @@ def _same(a: Content, b: Content) -> bool:
 
 
 def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading], *, alike: bool) -> str:
-    """Return how a pair of items is treated: ``same``, ``differs``, or a fate defined in `content.toml`.
+    """Return the treatment of a pair of items: ``same``, ``differs``, or a fate defined in `content.toml`.
 
     Args:
         alike: True if all joints have the same names in both models.
@@ -348,7 +348,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
 
 
 def _fact(a: Content | None, b: Content | None) -> Fact:
-    """Create a fact whose values are the differing numbers and strings, by label."""
+    """Create a fact whose values are the differing numbers and strings, keyed by label."""
     one = a or b
     assert one is not None
     names = [each.whose.rpartition(" ")[2] if each else "" for each in (a, b)]

@@ -1,8 +1,8 @@
 """Pairs bodies and links of two machines, from the ground outwards, by names and by geometry.
 
 For each pair of bodies, their links are assigned to each other at minimal cost, which depends on names, kind, location,
-mass and number of neighbours. The body behind a pair of links is then placed in the first machine's world frame
-(`placement`).
+mass and number of neighbours. The body at the far end of each pair of links is then placed in the first machine's world
+frame (`placement`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Names:
 
 
 def read_map(path: Path) -> dict[str, str]:
-    """Read a mapping from names of A to names of B from a TOML file.
+    """Read a mapping from names in A to names in B from a TOML file.
 
     Raises:
         DescriptionError: An entry of the file does not map a name to a string.
@@ -99,7 +99,7 @@ def _pair_similar(a: Reading, b: Reading, joints: Mapping[str, str], similar: Ca
 
 
 def _pair_prefixed(a: Reading, b: Reading) -> dict[str, str]:
-    """Pair joints if prepending a common prefix to all names of one model gives the names of the other."""
+    """Pair joints if prepending a common prefix to all names of one model gives the names of the other model."""
     for one, two, back in ((a, b, False), (b, a, True)):
         first = next(iter(one.joints), "")
         for prefix in (name.removesuffix(first) for name in two.joints if first and name.endswith(first)):
@@ -121,7 +121,7 @@ NEAR, MANY = 0.01, 0.5
 MOST, NAMED = 3.2, 6.0
 #: Distance in machine lengths or rad beyond which links of a part that does not fit anywhere are not matched.
 FAR = 0.1
-#: Cost of pairing a leading joint with a following joint, which distinguishes fingers that are identical in all else.
+#: Cost of pairing an independent joint of a coupling with a dependent one; it tells otherwise identical fingers apart.
 UNLIKE = 0.5
 #: Cost that replaces an infinite or undefined cost; larger than any other cost.
 DEAREST = 1e9
@@ -147,7 +147,7 @@ def assign(cost: Array) -> list[tuple[int, int]]:
 
 
 def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
-    """Return two flags: joints of a link lead a coupling, and joints of a link follow through a coupling."""
+    """Return two flags: a joint of the link is independent in a coupling; a joint of the link is dependent in one."""
     joints, couplings = {*link.joints}, reading.couplings.values()
     return any(joints & {*each.function.terms} for each in couplings), any(each.joint in joints for each in couplings)
 

@@ -126,5 +126,5 @@ class Overlay:
 
 
 def misfits(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
-    """Compute the misfits of a body of B and a body of A; T places B's world frame in A's, (4, 4). Shape (n,)."""
+    """Compute the misfits between a body of B and a body of A, with B's world frame at T, (4, 4). Shape (n,)."""
     return Overlay(a, b, bodies).misfits(T)

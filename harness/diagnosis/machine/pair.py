@@ -30,8 +30,8 @@ class Pair:
 
     Attributes:
         bodies: Body of A -> body of B.
-        placed: Body of A -> placement of B's world frame in A's that aligns the body's partner with it, both machines
-            at their closed poses. Shape (4, 4).
+        placed: Body of A -> placement of B's world frame in A's that aligns the body's partner with it, with both
+            machines at their closed poses. Shape (4, 4).
         links: Pairs of links, each seen from the body nearer to the ground.
         only_a, only_b: Links without a partner.
         joints: Joints of A with their partners, added while links are compared.
@@ -60,7 +60,7 @@ class Pair:
         return Pair(self.b, self.a, bodies, placed_, links, self.only_b, self.only_a, lost=lost)
 
     def fuse(self, gone: Link, side: str) -> Pair:
-        """Fuse an unmatched body of one side into its neighbour."""
+        """Fuse an unmatched body of one machine into its neighbour."""
         if side == "B":
             return self.inverse.fuse(gone, "A").inverse
         links = tuple((one.renamed(gone.far, gone.near), other) for one, other in self.links)

@@ -18,7 +18,7 @@ from screwgauge.models.poses import exponential, matrix, shortest_turn
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
 
-#: Distance at which a feature counts half [machine lengths, rad, relative].
+#: Distance at which a feature has half its weight [machine lengths, rad, relative].
 HALF = 0.01
 #: Number of frames with equal names that are tried.
 FRAMES = 6
@@ -29,7 +29,7 @@ DISTINCT, ALIKE = 1e-3, 1e-6
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
 #: Smallest length of a vector across a hinge that determines an angle [machine lengths].
 FLAT = 1e-6
-#: Gauss-Newton settings: finite-difference step, largest step, and scales at which residuals count half.
+#: Gauss-Newton settings: finite-difference step, largest step, and scales at which residuals have half their weight.
 STEP, FAR = 1e-7, 0.7
 SCALES = (*np.geomspace(1.0, 1e-2, 8), *np.full(10, 1e-2))
 
@@ -40,8 +40,8 @@ class Believed(Enum):
     Attributes:
         SIMILAR: Two similar robots, in which a few features match exactly by chance.
         COPY: An edited copy, in which most features match exactly.
-        NAMED: An edited copy in which a displaced feature would mislead a fit: only coordinates and frames with equal
-            names place a body, not motions of its link, principal axes and centres of mass.
+        NAMED: An edited copy in which a displaced feature would mislead a fit; a body is placed only by coordinates
+            and by frames with equal names, not by motions of its link, principal axes or centres of mass.
     """
 
     SIMILAR = 1
@@ -151,8 +151,8 @@ def _frame(machine: Machine, body: Body) -> Array:
 def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
     """Return the placement of B's world frame at which the joints of B's link have A's coordinates.
 
-    Each element moves its far side, whatever the direction of its joint. Coordinates count in the sense in which the
-    axes of both machines agree once the preceding elements are at A's coordinates.
+    Each element moves the bodies on its far side, whatever the direction of its joint. Coordinates are signed such that
+    the axes of both machines agree once the preceding elements are at A's coordinates.
     """
     T = near
     for mine, yours in zip(links[0].elements, links[1].elements, strict=True):

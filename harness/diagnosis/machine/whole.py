@@ -26,7 +26,7 @@ from screwgauge.reference.rotations import Array, rotation_vector
 SEVERAL, MOST, SAME = 3, 0.6, 1e-4
 #: Largest relative difference between equal factors of masses and inertias: files print six digits.
 ROUNDED = 1e-5
-#: Distance at which a feature counts half, and below which it is aligned [machine lengths, rad, relative].
+#: Distance at which a feature has half its weight, and below which it is aligned [machine lengths, rad, relative].
 NEAR, NONE = 0.02, 1e-6
 #: Share of aligned features above which no transformation is sought, and smallest gain of a mere displacement.
 ENOUGH, GAIN = 0.9, 0.1
@@ -44,7 +44,7 @@ class Whole:
     Attributes:
         placement: Placement of A's world frame in B's, in A's unit of length; its determinant is -1 if B is mirrored.
             Shape (4, 4).
-        length, mass, inertia: Factors from A to B.
+        length, mass, inertia: Scale factors from A to B.
     """
 
     placement: Array = field(default_factory=lambda: np.eye(4))

@@ -71,7 +71,7 @@ def _agreement(diagnosis: Diagnosis) -> list[Row]:
     """Return rows for the torque differences that remain when the readings agree."""
     found = diagnosis.found
     both = found.together.row if found.together is not None else None
-    pairs = (("torques of the readings", found.agreement), ("torques of the libraries as loaded", both))
+    pairs = (("torques of the readings", found.agreement), ("torques of the libraries for the loaded files", both))
     return [{"quantity": name, **asdict(row), "max_abs": row.value} for name, row in pairs if row is not None]
 
 
