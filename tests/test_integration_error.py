@@ -104,7 +104,7 @@ def test_a_tolerance_of_the_scene_is_binding(fall):
     results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["joint_velocity"])
     assert not results.ok
     assert set(results.pairs["tolerance"]) == {1e-10}
-    assert results.pairs["reason"].str.contains("by screw and .* by mujoco").all()
+    assert results.pairs["reason"].str.contains("from screw and .* from mujoco").all()
     assert "scene sets the tolerance" in verdict(results).text
 
 
