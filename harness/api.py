@@ -71,7 +71,7 @@ def check(
     Args:
         what: Built-in scenes, TOML files, or folders with TOML files, at least one; two model files form a pair.
         smoke: Use a few samples of an exciting motion instead of the scene's own motion.
-        tolerances: Quantity -> admitted scaled error, or a TOML file with them; tolerances in a scene take precedence.
+        tolerances: Quantity -> allowed scaled error, or a TOML file with them; tolerances in a scene take precedence.
         baseline: File written by an earlier check; the check fails if an error has grown since.
         jobs: Number of parallel processes; takes effect only with `limits`.
         limits: Check each scene in its own process under these limits; by default scenes are checked in this process,
@@ -107,25 +107,25 @@ def diagnose(
     """Compare two models of a machine, explain their differences, and prove the explanation.
 
     Links, joints and loops are compared regardless of where a file cuts the loops. Joints are paired by name, or else
-    by geometry. If B as a whole is displaced, rotated, mirrored or in different units, that counts as one cause. For
-    each cause, its share of the torque difference at random states is computed with the values of B in A. As a proof,
+    by geometry. If B as a whole is displaced, rotated, mirrored or in different units, that counts as one cause. The
+    share of each cause in the torque difference at random states is computed by putting B's values into A. As a proof,
     B's file is corrected and read again.
 
     Args:
         a, b: URDF, MJCF, SDF, USD or description (name or path), or ``FILE@LIBRARY`` to let ``pinocchio``, ``mujoco``
             or ``yourdfpy`` read the file.
-        map: Joints and bodies of A -> their partners in B, where names and geometry do not decide; or a TOML file with
+        map: Joints and bodies of A -> their partners in B, where names and geometry are ambiguous; or a TOML file with
             this table.
         seed: Seed of the random states.
-        loops: File with the loop closures of URDFs, ``robot.yaml`` or ``.loops.toml``, if it is not beside the URDF:
-            one file for both models, or one for each (None for the file beside the URDF).
+        loops: File with the loop closures of URDFs, ``robot.yaml`` or ``.loops.toml``, if it is not next to the
+            URDF: one file for both models, or one for each (None for the file next to the URDF).
         limit: Time after which no further step begins, 3600 by default [s]; `left_out` names the omitted steps.
         load: Function that reads a file; by default files are read in this process, which ends if a library crashes.
         only: ``rigid`` compares only geometry, masses and inertias; by default everything is compared.
 
     Returns:
-        The diagnosis, which is true if the two models are the same. `verdict` is a sentence or two, `differences` and
-        `causes` have a `sentence` each, and `write_fix` writes a corrected B.
+        The diagnosis, which is true if the two models are the same. `verdict` is a sentence or two, each of the
+        `differences` and `causes` has a `sentence`, and `write_fix` writes a corrected B.
 
     Raises:
         ScrewgaugeError: A model file or the map cannot be read, or the loops of neither model close.
@@ -151,7 +151,7 @@ def import_model(
     Args:
         model: A ``pinocchio.Model``.
         constraints: Constraint models of points (3D) or frames (6D) that coincide.
-        q: A configuration near which the loops close; by default the neutral one. Shape (nq,).
+        q: A configuration near which the loops close; by default the neutral configuration. Shape (nq,).
         independent, actuated: Names of joints; by default chosen as for a model file.
 
     Raises:
@@ -232,7 +232,7 @@ def compile(
         With parameters, a function ``variants(y, yd, ydd, parameters={name: values})`` of arrays of shape (n, k), whose
         results have shape (V, n, n_component), see `screwgauge.engines.screw.variants.Variants`. Without parameters, a
         function ``solver(y, yd, ydd, out=None)`` of plain float64 arrays of shape (n, k). ``solver.buffers(n)``, or
-        ``solver.buffers(n, {quantity: array})`` with arrays of your own, makes an ``out`` that each call fills again.
+        ``solver.buffers(n, {quantity: array})`` with arrays of your own, makes an ``out`` that each call refills.
         Rows that cannot be solved, or whose values are not finite, raise an error.
 
     Raises:
@@ -247,14 +247,14 @@ def compile(
     check_scene_type(scene, "compile")
     check_choice("backend", [backend], ("numpy", "llvm"), "compile")
     if not (isinstance(threads, int) and threads > 0):
-        raise DescriptionError(f"{shown(threads)} threads", "compile", "use a positive whole number")
+        raise DescriptionError(f"cannot use {shown(threads)} threads", "compile", "use a positive whole number")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", OF_MOTION)
     wanted, left = determined_at_home(scene, wanted) if quantities is None else (wanted, ())
     if parameters is not None:
         from screwgauge.engines.screw.variants import Variants
 
         if threads != 1:
-            raise DescriptionError(f"{threads} threads", "compile, parameters", "omit threads")
+            raise DescriptionError(f"cannot use {threads} threads", "compile, parameters", "omit threads")
         return Variants(scene, wanted, parameters, backend)
     solver = Solver(scene, wanted, backend, threads)
     solver.notes = (*left, *solver.notes)

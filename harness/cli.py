@@ -50,7 +50,7 @@ STRESS_STATUS = """exit status: 0 every row is complete; 1 our own solver is sil
 NAMED = "built-in name, or path of a TOML, URDF, MJCF, SDF or USD file"
 REVIEW_STATUS = "exit status: 0 all columns agree to their printed digits; 1 some do not; 2 bad input"
 DIAGNOSE_STATUS = """exit status: 0 the same; 1 different, or not all compared; 2 bad input;
-3 a library failed, or --limit was met"""
+3 a library failed, or --limit was reached"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -74,7 +74,7 @@ def _command(arguments: Sequence[str] | None) -> int:
             return 2
         options = _parse(given)
     finally:
-        say("", end="")  # fail before any work if standard output cannot be written
+        say("", end="")  # fail before any work if standard output is not writable
     fix_threads()
     save_time()
     os.environ["MUJOCO_GL"] = "disable"  # no rendering: MuJoCo would load libGL for it
@@ -164,7 +164,7 @@ def _parser() -> argparse.ArgumentParser:
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
         if run not in (commands.list_, commands.casebook, commands.review):
             added.add_argument(
-                "--force", action="store_true", help="overwrite inputs, and files that this command did not make"
+                "--force", action="store_true", help="overwrite inputs, and files that this command did not write"
             )
         if out:
             added.add_argument("-o", "--out", type=_path, metavar="DIR", help=f"default: screwgauge-out/{out}")
@@ -182,7 +182,7 @@ def _parser() -> argparse.ArgumentParser:
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
     add = command(
-        commands.models, "write URDF, MJCF and loops files of a mechanism in both cuts", out="MECHANISM/models"
+        commands.models, "write URDF, MJCF and loops files of a mechanism for both loop cuts", out="MECHANISM/models"
     )
     add("mechanism", metavar="MECHANISM", help=f"{NAMED}; a scene provides its mechanism and gravity")
     add("--include", default="", metavar="A,B", help="add contacts, limits, geoms, sensors or yaml (a robot.yaml)")
@@ -201,7 +201,7 @@ def _parser() -> argparse.ArgumentParser:
         "--loops",
         type=_path,
         metavar="FILE",
-        help="file with its loop closures: robot.yaml or NAME.loops.toml (default: the file next to it)",
+        help="file with the loop closures: robot.yaml or NAME.loops.toml (default: the file next to it)",
     )
     add("-o", "--out", type=_path, metavar="NAME.toml", help="default: FILE.toml in this folder")
     add("--independent", metavar="A,B", help="coordinates (default: driven, and others for good conditioning)")
@@ -225,7 +225,7 @@ def _parser() -> argparse.ArgumentParser:
         help="replace the scene's motion with a motion that excites as much of the inertia as possible",
     )
     add("--seed", type=_whole_number(0), metavar="N", help="seed of the exciting motion (0)")
-    values = "write times, positions and forces (--quantities) as CSV: of the first engine, or of all into a folder"
+    values = "write times, positions and forces (or --quantities) as CSV: of the first engine, or of all to a folder"
     add("--csv", type=_path, metavar="FILE.csv|DIR", help=values)
     add("--allow", metavar="A,B", help=f"for a model file: {tensors}")
     add("--meshes", action="store_true", help=meshes)
@@ -241,7 +241,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--quantities", metavar="A,B", help="quantities of the table, where column names are ambiguous")
     add("--json", action="store_true", help="print the review as JSON")
 
-    add = command(view.view, "show a mechanism in 3D and in motion in a browser on this machine")
+    add = command(view.view, "show a mechanism in 3D and in motion in a browser on this computer")
     which = "built-in scene or mechanism, or path of a TOML, URDF, MJCF, SDF or USD file"
     add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
     add("other", nargs="?", metavar="OTHER", help="second mechanism, to show differences in the home pose")
@@ -260,7 +260,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(
         commands.stress,
-        "run stiff and extreme cases: show which digits remain, and whether engines warn if they lose many",
+        "run stiff and extreme cases: show how many digits remain, and whether engines warn of lost digits",
         out="stress",
         epilog=STRESS_STATUS,
     )
@@ -315,7 +315,7 @@ def _parser() -> argparse.ArgumentParser:
         "--loops",
         type=_sides,
         metavar="A,B",
-        help="loop closures of URDFs, one file for both or each: robot.yaml or .loops.toml (default: next to the URDF)",
+        help="loop closures of URDFs, one file for both or two: robot.yaml or .loops.toml (default: next to the URDF)",
     )
     add("--meshes", action="store_true", help=meshes)
     add("--only", default="", metavar="rigid", help="compare only geometry, masses and inertias")

@@ -1,4 +1,4 @@
-"""Record of the environment of a run: machine, versions, threads. It omits paths, user and host names, and imports no
+"""Record of the environment of a run: computer, versions, threads. It omits paths, user and host names, and imports no
 engine.
 """
 
@@ -53,7 +53,7 @@ def plain(value: Any, text: Callable[[str], str] = str) -> Any:
 
 
 def json_text(value: Any, *, escaped: bool = False) -> str:
-    """Format indented JSON that every parser accepts; if `escaped`, in ASCII for any stream or log."""
+    """Format a value as indented JSON that every parser accepts; if `escaped`, as ASCII, for any stream or log."""
     text = json.dumps(plain(value), indent=2, ensure_ascii=escaped, allow_nan=False) + "\n"
     return text.replace("##", "#\\u0023") if escaped else text  # CI services read ## as a command
 

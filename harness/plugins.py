@@ -1,13 +1,13 @@
 """Everything that an engine of another package imports: question, description, answer, and functions for common steps.
 
-``from screwgauge.plugins import ...`` is the only import of this package that an engine needs. Names and meanings
-below stay within a major version; modules behind them may move in any version.
+``from screwgauge.plugins import ...`` is the only import of this package that an engine needs. The names below and
+their meanings do not change within a major version; the modules that define them may move in any version.
 
-Conventions. SI units; angles in rad. Arrays run over samples first. Bodies are those of the description in its order,
-ground before them at 0: orientations R have shape (n, n_body + 1, 3, 3), origins p (n, n_body + 1, 3). Vectors are in
-world axes unless stated otherwise. Wrenches (..., 6) are force, then moment about a named point. Twists and
-accelerations of bodies (..., 6) consist of an angular part, then the velocity or acceleration of the body's origin, as
-in `OpenTree`. `Array` is the type of all these arrays.
+Conventions. SI units; angles in rad. The first axis of arrays is the sample. Bodies are in the order of the
+description, after the ground at index 0: orientations R have shape (n, n_body + 1, 3, 3), origins p (n, n_body + 1, 3).
+Vectors are in world axes unless stated otherwise. Wrenches (..., 6) are force, then moment about a named point. Twists
+and accelerations of bodies (..., 6) consist of an angular part, then the velocity or acceleration of the body's origin,
+as in `OpenTree`. `Array` is the type of all these arrays.
 
 **Entry.** `Engine` describes an engine to the registry: ``module:function`` that loads it, its tasks, its package. That
 function takes `ModelFiles` and returns a model with ``solve(problem, progress)``, an `EngineModel`. A `Progress` takes
@@ -15,7 +15,7 @@ the share of the work that is done, 0 to 1; `quiet` ignores it. An engine that c
 ``precisions=("float64", "float32")``, and its function takes ``precision="float32"`` if a user requests
 ``NAME@float32``; its answers are always arrays of float64.
 
-**Question.** A `Problem` has a task, the acting forces, the names of the wanted quantities, the rule for redundant
+**Question.** A `Problem` has a task, the acting forces, the names of the requested quantities, the rule for redundant
 actuators, and named points (`Point`). Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an
 `Integration`) and `States` (given states of an open tree). `Applied` holds gravity (`GRAVITY` by default), loads
 (`Load`), springs (`JointSpring`, `PointSpring`) and motors (`Motor`). A `Load` may vary over time as a `Course` or
@@ -28,8 +28,9 @@ actuators, and named points (`Point`). Tasks are `GivenMotion` (inverse dynamics
 
 **Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each quantity. `names` returns the
 ordered components and units of each quantity, of type `Names`. `stages` returns the last stage of the computation that
-the wanted quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer` builds
-the solution from a function that solves each part of a motion (`SolvedPart`), with condition numbers in a `Trust`.
+the requested quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer`
+builds the solution from a function that solves each part of a motion (`SolvedPart`), with condition numbers in a
+`Trust`.
 
 **Bodies and joints.** `body_poses` computes the poses of bodies from joint coordinates, such as those of the home pose;
 `absolute_poses` computes them from positions and quaternions. `read_joints` reads joint coordinates from poses,
@@ -37,9 +38,9 @@ the solution from a function that solves each part of a motion (`SolvedPart`), w
 accelerations of bodies. `com_accelerations` and `shifted` convert accelerations to different reference points. `length`
 is the characteristic length of a mechanism, which makes lengths dimensionless.
 
-**What acts.** `acting` returns loads, springs, motors, dampers and friction as wrenches on bodies and forces along
-joint coordinates, and `along_joints` returns only the forces along joint coordinates; `load_point` is the point at
-which a load acts; `resistance` is the quantity of that name. `required_wrenches` computes the wrench that a motion
+**Forces.** `acting` returns loads, springs, motors, dampers and friction as wrenches on bodies and forces along joint
+coordinates, and `along_joints` returns only the forces along joint coordinates; `load_point` returns the point at which
+a load acts; `resistance` computes the quantity of that name. `required_wrenches` computes the wrench that a motion
 requires on each body (Newton-Euler equations) from its `Matter`, which `matter_of` reads from a description;
 `summed_inwards` adds them up along a tree.
 
@@ -47,21 +48,21 @@ requires on each body (Newton-Euler equations) from its `Matter`, which `matter_
 `solve_constrained` solves a problem with it, for all quantities except tree forces, and estimates their errors; an
 engine that also has an integrator is a `Stepped`, which `solve_stepwise` uses. `temporary` changes settings of a
 library within a context. `solve_constrained` consists of these parts: `Closing` follows a motion from the assembly mode
-of the home pose by the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations and forces; `min_norm` and
-`along_line` are the rules for redundant actuators, `axial_line` returns the line for `along_line`; `idle_accelerations`
-computes the accelerations of the `idle` coordinates of a `GivenMotion`, which no actuator drives; `unit_wrenches` and
-`joint_wrenches` are the wrenches that joints exert, from their multipliers; `reactions` returns components of wrenches
-at joints; `motion_values`, `force_values` and `inertia_values` return the quantities, and `per_actuator` computes the
-`jacobian`. An engine whose unknowns are all joint coordinates follows the `Branch` of poses that begins at the home
-pose and estimates its errors; `worst_of` merges condition numbers of quantities by their maximum (`ACCELERATED` names
-the quantities that depend on accelerations).
+of the home pose, given the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations and forces; `min_norm`
+and `along_line` are the rules for redundant actuators, `axial_line` returns the line for `along_line`;
+`idle_accelerations` computes the accelerations of the `idle` coordinates of a `GivenMotion`, which no actuator drives;
+`unit_wrenches` and `joint_wrenches` are the wrenches that joints exert, from their multipliers; `reactions` returns
+components of wrenches at joints; `motion_values`, `force_values` and `inertia_values` return the quantities, and
+`per_actuator` computes the `jacobian`. An engine whose unknowns are all joint coordinates follows the `Branch` of poses
+that begins at the home pose and estimates its errors; `worst_of` merges condition numbers of quantities by their
+maximum (`ACCELERATED` names the quantities that depend on accelerations).
 
 **Errors.** Raise a `ScrewgaugeError` that says what is wrong, where, and what to do: `ModelFileError` (the model lacks
 content that the engine needs, or contains something that the engine does not support), `DescriptionError`,
 `UnknownNameError`, `ClosureError` (loops do not close), `SingularPoseError`. `check_fits` rejects a problem that does
-not belong to a description.
+not fit a description.
 
-**Open trees.** An engine whose library supports trees but no loops implements `OpenTree` (and `Mover`, `TreeDynamics`
+**Open trees.** An engine whose library supports trees but not loops implements `OpenTree` (and `Mover`, `TreeDynamics`
 for simulations), and `BodyPoses`. `close_tree` closes its loops, given the tree and its `loops_file` (a
 `LoopsFile`), and a `TreeModel` solves the result. `tree_urdf` reads a URDF whose fixed joints become hinges that
 couplings lock. A port of MuJoCo may derive its tree from `MujocoTree`, which reads an MJCF with its closures and

@@ -21,10 +21,10 @@ Rows = NDArray[np.intp]
 """Indices of samples."""
 
 Progress = Callable[[float], None]
-"""Takes the share of the work that is done, 0 to 1."""
+"""Function that takes the completed share of the work, 0 to 1."""
 
 Report = Callable[[str, float], None]
-"""Takes the name of a step and the share of it that is done, 0 to 1."""
+"""Function that takes the name of a step and its completed share, 0 to 1."""
 
 
 def spread(n: int, most: int) -> Rows:
@@ -42,7 +42,7 @@ def quiet(share: float) -> None:
 
 
 def silent(step: str, share: float) -> None:
-    """Ignore a progress report with a step."""
+    """Ignore a progress report that names a step."""
 
 
 class _ReadOnly:
@@ -64,8 +64,8 @@ class GivenMotion(_ReadOnly):
         t: Time [s]. Shape (n,).
         y, yd, ydd: Independent coordinates [rad or m] and their derivatives. Shape (n, n_independent).
         drive: Function that returns the motion at given times, if available.
-        idle: Indices of the independent coordinates that no actuator drives. Their y and yd were integrated from the
-            forces, and their ydd follows up to rounding; an engine may solve for this ydd itself.
+        idle: Indices of the independent coordinates that no actuator drives. Their y and yd come from integrating the
+            motion due to the forces, and their ydd is accurate to rounding; an engine may solve for this ydd itself.
     """
 
     t: Array
@@ -219,8 +219,8 @@ def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:
     """Reject a problem that does not fit a description.
 
     Raises:
-        ModelFileError: The problem has a different number of independent coordinates, or loads a body that the
-            description lacks.
+        ModelFileError: The problem has a different number of independent coordinates, or a load on a body that
+            the description lacks.
     """
     task, k = problem.task, len(mechanism.independent)
     given = {"motion": task.y.shape[1]} if isinstance(task, GivenMotion) else {}

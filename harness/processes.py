@@ -69,7 +69,7 @@ def safe_path() -> list[str]:
 
 @contextmanager
 def inherit_safely(variables: Mapping[str, str] = SAFE) -> Iterator[None]:
-    """Let a library start processes, which inherit this process's environment and `sys.path` within the context.
+    """Within the context, let processes that a library starts inherit this process's environment and `sys.path`.
 
     Args:
         variables: Environment variables; they must include `SAFE`.

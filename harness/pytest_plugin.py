@@ -32,7 +32,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def contract_engines(config: pytest.Config) -> list[str]:
-    """Return the names of the engines that the contract tests.
+    """Return the names of the engines to be tested against the contract.
 
     Raises:
         pytest.UsageError: No engine is named, or a named engine is unknown.

@@ -1,4 +1,4 @@
-"""The quantities in which engines are compared: names, meaning, and the natural scale of each unit."""
+"""The quantities in which engines are compared: their names and meanings, and the natural scale of each unit."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ QUANTITIES = {
         Quantity(
             "jacobian",
             "angular velocity of each body, velocity of its origin and of named points, per rate of each actuator; "
-            "its transpose maps a moment or force there to the actuators",
+            "the transpose maps moments on bodies and forces at these points to actuator forces",
             "rate",
             "v",
             SOLVED,
@@ -251,7 +251,7 @@ def component_names(
 def _ratios(
     bodies: Sequence[str], points: Sequence[Point], actuators: Mapping[str, str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and units of rates of bodies and points per actuator rate. `actuators`: name -> rad or m."""
+    """Return names and units of the body and point rates per actuator rate. `actuators`: name -> rad or m."""
     turns = {"w": "rad", "v": "m"}
     rates = {f"{body}.{what}{axis}": unit for body in bodies for what, unit in turns.items() for axis in "xyz"}
     rates |= {f"{point.name}.v{axis}": "m" for point in points for axis in "xyz"}
@@ -303,7 +303,7 @@ def length(mechanism: Mechanism) -> float:
 
 
 def arm(unit: str, length: float) -> float:
-    """Return the factor that converts a unit: angles to lengths, forces to moments, masses to inertias; otherwise 1."""
+    """Return the power of `length` that converts angle to length, force to moment, or mass to inertia; otherwise 1."""
     if unit in RATIOS:
         return length ** RATIOS[unit]
     return length ** (2 if unit == "kg m^2" else unit in ("m", "m/s", "m/s^2", "N m", "kg m"))

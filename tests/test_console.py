@@ -96,8 +96,8 @@ def test_a_command_to_a_ci_service_is_one_line(capsys):
 @pytest.mark.parametrize(
     ("redirected", "status", "said"),
     [
-        (">&-", 2, "screwgauge: standard output cannot be written"),
-        (">/dev/full", 2, "screwgauge: standard output cannot be written"),
+        (">&-", 2, "screwgauge: cannot write to standard output"),
+        (">/dev/full", 2, "screwgauge: cannot write to standard output"),
         ("2>&-", 0, ""),
         ("2>/dev/full", 0, ""),
         ("<&- 2>&-", 0, ""),

@@ -126,7 +126,7 @@ def test_what_is_lost_of_a_report_is_said_in_it_and_raised(tmp_path, monkeypatch
         return ask(call, "broken" if len(calls) == 1 else arguments[0], **named) if arguments else "vega();"
 
     monkeypatch.setattr(RENDERER, "ask", once)
-    with pytest.raises(ReportError, match=r"1 of its drawings"):
+    with pytest.raises(ReportError, match=r"1 of the report's pictures"):
         results.write(tmp_path)
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert text.count("Not drawn: ") == 1

@@ -55,7 +55,7 @@ def test_a_run_whose_numbers_cannot_be_written_says_what_it_found(tmp_path, comm
     said = command(*RUN, "--out", tmp_path / "out", status=2)
     assert "Only screw ran" in said.out
     assert said.out.endswith("report: none\n")
-    assert "the folder cannot be written (" in said.err
+    assert "cannot write to the folder (" in said.err
     assert not (tmp_path / "out").exists()
 
 

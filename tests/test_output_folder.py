@@ -239,6 +239,6 @@ def test_a_folder_that_no_disk_takes_is_bad_input(name, tmp_path, capfd, monkeyp
     monkeypatch.setattr("screwgauge.api.run", None)
     assert main(["run", "3ups-upu-s", "--out", str(tmp_path / name)]) == 2
     said = capfd.readouterr().err
-    assert "the folder cannot be written (" in said
+    assert "cannot write to the folder (" in said
     assert said.count("\n") == 1
     assert not list(tmp_path.glob("x*"))

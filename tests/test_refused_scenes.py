@@ -101,7 +101,7 @@ def test_output_below_a_file_is_refused_and_the_file_kept(below, tmp_path, paper
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     out = tmp_path / "file" / below
     said = refused("run", paper_scene(), "--engines", "screw", out=out)
-    assert f"{out}: the folder cannot be written" in said
+    assert f"{out}: cannot write to the folder" in said
     assert "choose another" in said
     said = refused("models", "3ups-upu-s", out=out)
     assert str(out) in said

@@ -128,7 +128,7 @@ def test_panels_of_figures_that_no_component_matches_are_said(results):
     (first, *_) = results.scene.figures
     wrong = replace(first, title="Mine", panels=(("A", ("leg9.*", *first.panels[0][1])),))
     drawn = replace(results, scene=replace(results.scene, figures=(wrong,)))
-    said = f"figure 'Mine': no component of {first.quantity} in {first.unit} is called leg9.*"
+    said = f"figure 'Mine': no component of {first.quantity} in {first.unit} matches leg9.*"
     assert said in " ".join(str(drawn).split())
     unasked = replace(first, title="Forces", quantity="observable")
     drawn = replace(results, scene=replace(results.scene, figures=(first, unasked)))

@@ -337,7 +337,7 @@ def _names(text: str | None) -> list[str] | None:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Check scenes and pairs of models; write the files for CI services where these services look for them."""
+    """Check scenes and pairs of models; write the files that CI services read to the places where they expect them."""
     from screwgauge.commands.gate_files import check_files, check_inputs, check_outputs
     from screwgauge.report.pages.check import PAGE, check_with
 

@@ -1,4 +1,4 @@
-"""Execution of a command: rejects retired names, runs the work with progress, writes data to disk, then pages."""
+"""Executes commands: rejects retired names, runs the work and shows progress, writes the data, then the pages."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def carry_out(
     force: bool = False,
     **writing: Any,
 ) -> Any:
-    """Run work with progress, then write the report and print a summary; first reject outputs that cannot be written.
+    """Check that outputs can be written, run work while showing progress, write the report, and print a summary.
 
     Args:
-        work: Function of the progress that returns the results.
+        work: Function that reports its progress to its argument, and returns the results.
         tell: Function that formats the results for printing; by default the page formats them for a terminal.
         again: True if the same command resumes from existing rows.
-        files: Files that the command reads, and files that it writes beside its report; none is overwritten, and no two
-            may be the same.
+        files: Files that the command reads, and files that it writes in addition to its report. All files must be
+            different; with `force`, an input may be overwritten.
         force: Replace existing files, whatever their origin.
         writing: Further arguments for writing the page.
 

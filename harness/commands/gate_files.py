@@ -1,4 +1,4 @@
-"""Files of the gate in addition to its report: inputs, outputs, and an early check that outputs can be written."""
+"""Files of the gate other than its report: inputs, outputs, and an early check that outputs can be written."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def check_files(options: Namespace) -> None:
 
 
 def check_outputs(options: Namespace) -> dict[str, Path]:
-    """Return the files that the command writes beside its report, by option or variable."""
+    """Return option or environment variable -> file that the command writes in addition to its report."""
     known = options.baseline if options.update else None
     named = {"--junit": options.junit, "--baseline": known, SUMMARY: os.environ.get(SUMMARY)}
     return {name: Path(file) for name, file in named.items() if file}

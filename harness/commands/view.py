@@ -86,7 +86,7 @@ def _load(name: str) -> Scene | Mechanism:
 
 
 def _unnamed_joints(name: str, mechanism: Mechanism) -> set[str]:
-    """Return joints that a model file does not name: they stand for closure points, and their axes have no sense of
+    """Return joints that a model file does not name: they represent closure points, and their axes have no sense of
     direction.
     """
     from screwgauge.models.importing import is_model

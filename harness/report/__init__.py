@@ -1,1 +1,1 @@
-"""Reports of results: files for people and programs. This package formats results and computes nothing."""
+"""Reports: results as files for people and for programs. This package formats results and computes nothing."""

@@ -39,7 +39,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Banner:
-    """A highlighted sentence, a result or a warning; `status` sets its colour, and `word` repeats it in words."""
+    """A highlighted result or warning; `status` sets the colour, and `word` states the status in words."""
 
     text: str
     word: str = ""
@@ -47,7 +47,7 @@ class Banner:
 
     @staticmethod
     def of(text: str, good: bool, yes: str = "AGREE", no: str = "NOT ALL AGREE") -> Banner:
-        """Return the banner of a positive or negative result."""
+        """Return the banner for a positive or negative result."""
         return Banner(text, f"✓ {yes}", "agree") if good else Banner(text, f"✗ {no}", "differ")
 
 
@@ -67,7 +67,7 @@ class Table:
 
     @property
     def right(self) -> frozenset[int]:
-        """Indices of columns with numbers, which are right-aligned."""
+        """Indices of the numeric columns, which are right-aligned."""
         columns = enumerate(zip(*self.body, strict=True) if any(self.head) else ())
         return frozenset(i for i, cells in columns if all(map(_NUMBER.fullmatch, cells)) and any(cells))
 
@@ -78,8 +78,8 @@ class Picture:
 
     Attributes:
         name: File name without extension.
-        chart: Interactive chart, as Vega-Lite JSON; empty without a chart.
-        stage: Interactive 3D drawing, as JSON for ``stage.js``; empty without a drawing.
+        chart: Interactive chart, as Vega-Lite JSON, or an empty string.
+        stage: Interactive 3D drawing, as JSON for ``stage.js``, or an empty string.
         lost: Reason why the picture could not be drawn; empty if it was drawn.
         of: Quantity that the picture shows; empty if it does not show a quantity.
     """
@@ -103,9 +103,9 @@ class Group:
 
     Attributes:
         kind: ``front``: the first screen, blocks beside one picture or below two pictures. ``appendix``: details at the
-            end, each section folded on a screen and expanded in print. ``folded``: folded under a title with a short
-            note, and expanded in print. ``more``: also folded in print. ``glossary``: a table of words with their
-            meaning; the first use of a word on a page links there.
+            end, each section folded on screen and expanded in print. ``folded``: folded under a title with a short
+            note, and expanded in print. ``more``: also folded in print. ``glossary``: a table of words and their
+            meanings; the first use of a word in each section links to it.
     """
 
     kind: Literal["front", "appendix", "folded", "more", "glossary"]
@@ -131,7 +131,7 @@ def walk(blocks: Iterable[Block]) -> Iterator[Block]:
 
 
 def map_leaves(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[Block]:
-    """Apply a change to each leaf block."""
+    """Apply a function to each block that is not a group, and rebuild the groups."""
     return [
         replace(block, blocks=tuple(map_leaves(block.blocks, change))) if isinstance(block, Group) else change(block)
         for block in blocks
@@ -149,7 +149,7 @@ def table(rows: Iterable[Any], columns: str) -> Table:
     """Build a table with a row for each mapping or object.
 
     Args:
-        columns: ``head = key | head = key``; without a key, the key is the head with ``_`` for spaces. The key
+        columns: ``head = key | head = key``; a missing key defaults to the head, with ``_`` for spaces. The key
             determines the format of values, see `FORMS`. With a ``?``, a cell is empty if its row lacks a number; with
             ``??``, an empty column is omitted. ``key:form`` selects a different format, and a key that contains ``{}``
             is a template filled from the row. ``|| across = cell`` at the end merges rows with equal cells into one

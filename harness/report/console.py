@@ -1,4 +1,4 @@
-"""Output of commands to unreliable streams, progress display, and messages about stopped commands."""
+"""Command output to streams that may fail, progress display, and messages about stopped commands."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _print(text: str, end: str) -> None:
         if sys.stdout is not None:  # Python tries to write the rest again at exit
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
-            what = f"standard output cannot be written ({why(error)})"
+            what = f"cannot write to standard output ({why(error)})"
             raise OutputError(what, "", "redirect it to a file or to /dev/null") from None
 
 

@@ -17,7 +17,7 @@ class DiagnosisReport(Shown, Diagnosis):
     __slots__ = ()
 
     def _report(self) -> Report:
-        """Return the report; pages and figures are imported only here, which takes a tenth of a diagnosis's time."""
+        """Return the report; its pages and figures are imported only here, to save a tenth of a diagnosis's time."""
         from screwgauge.report.pages.diagnosis import PAGE
 
         return PAGE

@@ -1,8 +1,8 @@
-"""The folder of a report: one command writes at a time, and replaces only files of reports.
+"""The folder of a report: one command writes at a time, and replaces only report files.
 
-A list of names and digests identifies these files. Since anyone may have written such a list, or changed a file since
-then, a file whose digest does not match is considered the user's own, and is neither replaced nor removed. Either all
-files of a report get into the folder or none.
+A list of names and digests identifies these files. Because anyone could write such a list, or change a file later, a
+file whose digest does not match is considered the user's own, and is neither replaced nor removed. If a file of a
+report cannot be written, the folder stays unchanged.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
         force: Accept existing files of any origin; links and folders in their places are still rejected.
 
     Raises:
-        OutputError: The folder cannot be written, or an entry with the name of a report's file is not from a report.
+        OutputError: Cannot write to the folder, or a file in it with one of these names is not from a report.
     """
     names = (*names, *PAGES, MANIFEST)
     if SAMPLES in names and find_spec("pyarrow") is None:
@@ -58,7 +58,7 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
 
 
 def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
-    """Reject replacing files that are not from reports, and writing to links that lead out of the folder."""
+    """Reject replacing files that are not from reports, and writing through links, which may lead out of the folder."""
     for name in (MANIFEST, "plots", *names):
         path, odd = out / name, ""
         if path.is_symlink():
@@ -70,7 +70,7 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
     ours = {MANIFEST, *unchanged_files(out)}
     for name in names:
         if not force and name not in ours and (out / name).exists():
-            what = f"{name} exists, and is not an unmodified file of an earlier report ({MANIFEST} has the digests)"
+            what = f"{name} exists, and was not written by an earlier report or was changed since (see {MANIFEST})"
             raise OutputError(what, str(out), f"{_ELSEWHERE}, or {overwriting()}")
 
 
@@ -83,7 +83,7 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
             None.
 
     Raises:
-        OutputError: The folder cannot be written; it is then unchanged.
+        OutputError: Cannot write to the folder, which is left unchanged.
     """
     stage = None
     try:
@@ -109,7 +109,7 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
 
 
 def _stage(out: Path) -> Path:
-    """Create an empty folder on the same disk: in `out` if it exists (it may be a mount), else next to it."""
+    """Create an empty folder on the same disk: in `out` if it exists (it may be a mount point), else next to it."""
     out = out.absolute()
     if "\0" in str(out):
         raise ValueError("its path contains a null byte")
@@ -134,7 +134,7 @@ def _move(stage: Path, out: Path) -> None:
 
 
 def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
-    return OutputError(f"the folder cannot be written ({why(error)})", str(out), "choose another folder")
+    return OutputError(f"cannot write to the folder ({why(error)})", str(out), "choose another folder")
 
 
 MANIFEST = "report-files.json"
@@ -143,10 +143,10 @@ ENDINGS = (".md", ".html", ".svg", ".csv", ".json", ".parquet", ".pdf")
 
 
 def unchanged_files(out: Path) -> set[str]:
-    """Return the names of a report's unchanged files in a folder; empty without a report.
+    """Return the names of a report's unchanged files in a folder; empty if there is no report.
 
     Raises:
-        OutputError: The file with the name of the list is not a list.
+        OutputError: The file `MANIFEST` is not such a list.
     """
     return {name for name, digests in _read_list(out).items() if _digest(out / name) in digests}
 
@@ -159,7 +159,7 @@ def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
 
     Args:
         fresh: Name -> SHA-256 of the new file.
-        others: Further files of the report; existing files are listed with their present digest.
+        others: Further files of the report; files that exist are listed with their current digest.
     """
     listed, entries = _read_list(out), dict[str, list[str]]()
     for name in sorted({*fresh, *others}):
@@ -212,7 +212,7 @@ def lock_folder(out: Path) -> Iterator[None]:
     If the created folder stays empty, it is removed.
 
     Raises:
-        OutputError: A different command has locked the folder, or the folder cannot be created.
+        OutputError: Another command has locked the folder, or the folder cannot be created.
     """
     made, place = list[Path](), -1
     try:

@@ -32,7 +32,7 @@ PHONE, LEGIBLE, SLIM = 50, 30, 40
 SENTENCE = 80  # number of letters from which a cell is a sentence, not a name or number
 UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are not linked
 STAGE = Path(__file__).with_name("stage") / "stage.js"
-#: Finds three.js in trimesh's viewer: from the beginning of its licence to the end of the function that defines it.
+#: Matches three.js in trimesh's viewer, from the beginning of its licence to the end of the function that defines it.
 THREE = re.compile(
     r"/\*\*\s*\* @license\s*\* Copyright \S+ Three\.js Authors.*?\}\)\s*\)\s*;?(?=\n|</script>)", re.DOTALL
 )
@@ -216,7 +216,7 @@ def _cell(text: str) -> str:
 
 
 def _longest(texts: Iterable[str]) -> int:
-    """Return the length of the longest unbreakable piece."""
+    """Return the length of the longest piece of text that cannot be broken."""
     pieces = (piece for text in texts for piece in re.split(rf"[\s-]+|{_BREAKS.pattern}", plain(text)))
     return max(map(len, pieces), default=0)
 
@@ -261,7 +261,8 @@ def chart_script() -> str:
 def stage_script() -> str:
     """Bundle three.js with its licence and the code that draws a mechanism.
 
-    If the installed trimesh lacks a three.js in `KNOWN`, the script says so below the still picture.
+    Unless the installed trimesh contains a three.js version in `KNOWN`, the script only shows a note below the still
+    picture.
     """
     three = three_js()
     if hashlib.sha256(three.encode()).hexdigest() in KNOWN:

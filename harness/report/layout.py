@@ -1,4 +1,4 @@
-"""Kinds of reports: text templates in ``texts/``, functions that fill them, data files, and pictures."""
+"""Kinds of reports, each with a text template in ``texts/``, functions that fill it, data files, and pictures."""
 
 from __future__ import annotations
 
@@ -46,25 +46,25 @@ def folds(results: Any, pictures: Sequence[Picture]) -> list[Block]:
 class Report:
     """Kind of report.
 
-    Level-1 headings in its text start sections; the first screen is before them, and folded sections follow ``#
-    Appendix``. A section whose heading ends with ``?`` is omitted if all its places are empty. A line ``{name}`` is
-    replaced with the value of that name: string, list, facts, or blocks. ``{name: columns; else}`` is a table of rows,
-    see `table`, or the text ``else`` if there are no rows; ``{name+ lines: columns}`` shows `LONG` rows and folds the
-    rest, even on paper. A paragraph or an item that begins with ``{?name}`` is shown only if the value is true, with
-    ``{!name}`` only if it is false. Names within them are filled in. ``{# Title}`` is replaced with the text of the
-    section with that title.
+    Level-1 headings in its text start sections; the text before them fills the first screen, and folded sections
+    follow ``# Appendix``. A section whose heading ends with ``?`` is omitted if all its placeholders are empty. A line
+    ``{name}`` is replaced with the value of that name: a string, list, facts, or blocks. ``{name: columns; else}`` is a
+    table of rows, see `table`, or the text ``else`` if there are no rows; ``{name+ lines: columns}`` shows `LONG` rows
+    and folds the rest, even on paper. A paragraph or an item that begins with ``{?name}`` is shown only if the value is
+    true, with ``{!name}`` only if it is false. Names in paragraphs and items are replaced, too. ``{# Title}`` is
+    replaced with the text of the section with that title.
 
     Attributes:
         text: Name of the file in ``texts/``, or path of a different file, without ``.md``.
         banner: Function that returns the verdict in a sentence, then warnings.
-        data: File name -> function that returns the content. A record of the machine is added: from the results, or
-            else of the current machine.
+        data: File name -> function that returns the content. A record of the computer is added: the record in the
+            results, or else a record of the current computer.
         values: Name -> function that computes the value when a text needs it. Names that are missing here are
-            attributes of the results (``a.b``: attribute b of a, empty if a is None). All texts know ``title``,
-            ``verdict`` (the banners), ``environment``, ``about`` (facts for the first screen, including the machine),
-            ``plots`` and ``picture remarks`` (about the first picture).
+            attributes of the results (``a.b``: attribute b of a, empty if a is None). All texts can use ``title``,
+            ``verdict`` (the banners), ``environment``, ``about`` (facts for the first screen, including the computer),
+            ``plots`` and ``picture remarks`` (about the last picture of `lead`).
         draw: Function that returns the pictures.
-        lead: Function that selects the pictures of the first screen; remarks belong to the last of these pictures.
+        lead: Function that selects the pictures of the first screen.
         plots: Function that shows all other pictures.
         figures: Significant digits of numbers in CSV; exact by default.
     """
@@ -98,7 +98,7 @@ class Report:
         safe: Callable[[], None] = lambda: None,
         force: bool = False,
     ) -> Path:
-        """Write data, pages and pictures.
+        """Write the data, the pages and the pictures.
 
         Args:
             more: Name -> content of further files.
@@ -119,8 +119,8 @@ class Report:
         with losses() as lost:
             write_report(out, tell, data, self.figures, pdf=pdf, safe=safe, force=force)
         if lost:
-            what = f"{len(lost)} of its drawings could not be made: {lost[0]}"
-            raise ReportError(what, str(out), "use the rest of the report, which has all numbers")
+            what = f"{len(lost)} of the report's pictures could not be drawn: {lost[0]}"
+            raise ReportError(what, str(out), "use the rest of the report, which contains all numbers")
         return out
 
     def blocks(
@@ -160,7 +160,7 @@ def _parts(name: str) -> tuple[str, Sections, Sections]:
 
 
 class _Filled(dict[str, Any]):
-    """Values of one report, each computed when a text first asks for it."""
+    """Values for the text of one report, each computed when the text first uses it."""
 
     def __init__(
         self,
@@ -199,7 +199,7 @@ class _Filled(dict[str, Any]):
         return reduce(lambda value, part: None if value is None else getattr(value, part), path, self.results)
 
     def section(self, title: str, text: str) -> list[Block]:
-        """Return heading and blocks of a section; empty for optional sections without content."""
+        """Return the heading and the blocks of a section; empty for optional sections without content."""
         shown, places, filled = list[Block](), 0, 0
         text = _WHEN.sub(lambda x: f"{x[1] or ''}{x[4]}\n" if bool(self[x[3]]) is (x[2] == "?") else "", text)
         for part in filter(None, re.split(r"\n{2,}", text.strip())):

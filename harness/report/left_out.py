@@ -1,4 +1,4 @@
-"""Sentences about forces in files that no engine includes: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
+"""Sentences about forces that files define and no engine includes: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def additions(results: Comparison) -> str:
 
 
 def sentences(results: Comparison, *, agree: bool) -> list[str]:
-    """Describe what files add to the rigid machine; engines that agree do so on the rigid machine only."""
+    """Describe what files add to the rigid machine; any agreement of engines refers to the rigid machine only."""
     if not results.left_out.terms:
         return [*contained_sentences(results)]
     text = additions(results)
@@ -49,7 +49,7 @@ def owners(names: Sequence[str]) -> str:
 
 
 def contained_sentences(results: Comparison) -> Iterator[str]:
-    """Yield a sentence for each table or engine with values that include forces omitted from the description."""
+    """Yield a sentence for each table or engine whose values include forces omitted from the description."""
     for name, kinds in results.left_out.contained.items():
         yield f"Values of {name} include {listed(kinds)}, which the comparison leaves out."
 

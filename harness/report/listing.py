@@ -16,13 +16,13 @@ from screwgauge.study.bench.stress import CASES
 
 
 def mechanisms() -> dict[str, str]:
-    """Return name -> title of mechanisms, with a line for the name of each group."""
+    """Return name -> title of each mechanism; a line with the group's name precedes each group."""
     known = sorted(map(load_mechanism, mechanism_names()), key=lambda one: (one.group, one.name))
     return dict(line for one in known for line in ((f"{one.group}:", ""), (f"  {one.name}", one.title)))
 
 
 def _methods(engine: Engine) -> Iterator[tuple[str, str]]:
-    """Yield the name of an engine for each of its number types, with its meaning."""
+    """Yield the methods of an engine, one for each number type, with an explanation of each."""
     first, *others = engine.methods.items()
     yield first[0], _meaning(engine)
     yield from ((name, f"the same in {precision}") for name, precision in others)
@@ -69,4 +69,4 @@ def _measured(case: Case) -> list[tuple[str, tuple[Versions, ...]]]:
     return [("shown with", case.shown), ("not shown with", case.not_shown)]
 
 
-_NUMBERS = (("as users get it", "symptom"), ("as it should be", "expected"), ("after the remedy", "mended"))
+_NUMBERS = (("result that users get", "symptom"), ("expected result", "expected"), ("after the remedy", "mended"))

@@ -1,4 +1,4 @@
-"""A run as plain data: scene, files, size of forces, ``summary.json``, and all samples for ``samples.parquet``."""
+"""A run as plain data: scene, files, ranges of forces, ``summary.json``, and all samples for ``samples.parquet``."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def values_table(
     quantities: Collection[str] | None = None,
     not_unique: Mapping[str, Collection[str]] | None = None,
 ) -> pd.DataFrame:
-    """Build a table of an engine's samples in the format of a user's table, by default for `EXPORTED` and `NAMED`.
+    """Build a table of an engine's samples in the format of a user's table; default quantities: `EXPORTED`, `NAMED`.
 
     Args:
         not_unique: Quantity -> components without a unique value; their headers end with `NOT_UNIQUE`.
@@ -72,7 +72,7 @@ def values_table(
 
 
 def forces(results: Comparison) -> list[Row]:
-    """Return the smallest and largest forces over the motion with their times: actuators, then joint reactions.
+    """Return the smallest and the largest value of each force, and when they occur: actuators, then joint reactions.
 
     Reactions are given by the magnitudes of force and moment, computed from the components with a unique value. Rows
     have columns of, what, unit, min, t_min, max, t_max, components, engine.
@@ -102,14 +102,14 @@ def forces(results: Comparison) -> list[Row]:
 
 
 def _measured_by(results: Comparison, quantity: str) -> Solution | None:
-    """Return the solution of `TRUTH` if it has all samples, else that of the first engine with the quantity."""
+    """Return the solution of `TRUTH` if it has all samples, else the solution of the first engine with the quantity."""
     known = [solution for solution in results.solutions.values() if quantity in solution.values]
     certain = (solution for solution in known if solution.engine == TRUTH and solution.rows is None)
     return next(certain, known[0] if known else None)
 
 
 def _without_rounding(sized: list[Row]) -> list[Row]:
-    """Replace rounding by zero: all values below a share of the largest value with the same unit."""
+    """Replace rounding errors, i.e. values below a fraction of the largest value with the same unit, with zero."""
     largest = dict[str, float]()
     for row in sized:
         largest[row["unit"]] = max(largest.get(row["unit"], 0.0), abs(row["min"]), abs(row["max"]))
@@ -159,7 +159,7 @@ def summary(results: Comparison) -> dict[str, Any]:
 
 
 def _guard(results: Comparison) -> Iterator[Row]:
-    """Yield the error that each engine estimates for each quantity, at the sample where it is largest."""
+    """Yield the largest error that each engine estimates for each quantity, with its condition number and time."""
     for (engine, quantity), error in results.guard.items():
         yield {
             "engine": engine,
@@ -181,7 +181,7 @@ def _quantity(row: Row) -> Row:
 
 
 def judged_files(provenance: Mapping[str, Any]) -> dict[str, str]:
-    """Return the files of scene, description and models with their hashes, and the date."""
+    """Return the files of the scene, the description and the models, with hashes, and the date."""
     files = {
         "scene file": {"file": provenance.get("scene_file"), "sha256": provenance.get("scene_sha256")},
         "description": provenance.get("description", {}),
@@ -207,7 +207,7 @@ def samples(t: Array) -> str:
 
 
 def about(scene: Scene, t: Array) -> dict[str, Any]:
-    """Describe the computation by names and values."""
+    """Describe the computation as a table of names and values."""
     described = {
         "scene": scene.name,
         "mechanism": scene.mechanism.title or scene.mechanism.name,
@@ -227,7 +227,7 @@ def about(scene: Scene, t: Array) -> dict[str, Any]:
 
 
 def _simulated(scene: Scene) -> dict[str, str]:
-    """Describe start, integration and observables of a simulation."""
+    """Describe the start, the integration and the observables of a simulation."""
     names, start = scene.mechanism.independent, scene.start
     place, rates = (
         ", ".join(f"{name} = {number(value)}" for name, value in zip(names, values, strict=True))
@@ -236,7 +236,7 @@ def _simulated(scene: Scene) -> dict[str, str]:
     method = start.integration
     return {
         "start": f"t = {number(start.since)} s, {place}",
-        "velocities there": rates,
+        "initial velocities": rates,
         "integrated by": f"{method.name}, rtol {number(method.rtol)}, atol {number(method.atol)}",
         "observables": ", ".join(f"{item.name} [{item.unit}]" for item in scene.observables),
         REFERENCE: "" if scene.known is None else scene.known.source,
@@ -275,7 +275,7 @@ def _motor(motor: Motor) -> str:
 
 
 def _over_time(course: Course | Samples) -> str:
-    """Format a function of time as a formula, or name its file."""
+    """Format a function of time as a formula, or name the file with its samples."""
     if isinstance(course, Samples):
         return f"samples of {PurePath(course.file).name}"
     powers = ("", " t", *(f" t^{k}" for k in range(2, len(course.polynomial))))

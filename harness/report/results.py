@@ -22,12 +22,12 @@ from screwgauge.study.comparison import Comparison
 
 
 class Results(Shown, Comparison):
-    """Comparison with its report, which notebooks display."""
+    """A comparison with its report, which notebooks display."""
 
     __slots__ = ()
 
     def write(self, out: str | Path, *, samples: bool = False, pdf: bool = False, force: bool = False) -> Path:
-        """Write tables and summary into a folder, then report and plots, replacing an earlier report.
+        """Write the tables and the summary into a folder, then the report and its plots; replace an earlier report.
 
         Args:
             out: Folder, created if needed; it stays unchanged if the data cannot be written.
@@ -36,7 +36,7 @@ class Results(Shown, Comparison):
             force: Replace existing files, whatever their origin.
 
         Raises:
-            OutputError: The folder cannot be written, or contains different files with these names; or pyarrow is
+            OutputError: The folder is not writable, or contains different files with these names; or pyarrow is
                 missing.
             ReportError: The data were written, but the report could not be made.
         """
@@ -125,7 +125,7 @@ class Results(Shown, Comparison):
 
 
 def csv_files(path: Path, engines: Sequence[str]) -> dict[str, Path]:
-    """Return engine -> file for its values: the given file, or a file in a folder with the given name."""
+    """Return engine -> file for its values: `path` itself, or ``path/ENGINE.csv``."""
     return {engines[0]: path} if path.suffix == ".csv" else {name: path / f"{name}.csv" for name in engines}
 
 

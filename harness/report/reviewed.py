@@ -1,4 +1,4 @@
-"""Reviews of tables in words: faults in columns, and agreement after the faults are corrected."""
+"""Describes reviews of tables: the faults in columns, and the agreement after the faults are corrected."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ COLUMNS = "column = name | unit | finding | digits = error:as_digits | corrected
 WORDS = {
     "sign": "{be} negated",
     "unit": "{be} in {unit}",
-    "factor": "{be} {times} times the right numbers, a factor that no unit explains",
-    "side": "{be} on the other side of {fault.of}: the force of the successor on the predecessor",
+    "factor": "{be} {times} times the correct numbers, a factor that no unit explains",
+    "side": "{be} for the opposite body of {fault.of}: the force of the successor on the predecessor",
     "permutation": "{have} the numbers of {fault.of}",
     "shift": "{be} {late} by {time} s{samples}",
     "held": "{be} interpolated between samples, with the first or last number held",
     "offset": "{be} off by a constant {amount}",
-    "mean": "{be} filtered: {fault.of}, {fault.size:g} of them",
-    "filter": "{be} filtered: {fault.of}, cut off at {cutoff} Hz",
+    "mean": "{be} filtered: {fault.of} ({fault.size:g} samples)",
+    "filter": "{be} filtered: {fault.of}, cutoff {cutoff} Hz",
     "missing": "{be} without the {fault.of}",
     "reversed": "{have} the {fault.of} reversed",
     "noise": "{have} noise of {amount} (rms)",
@@ -62,7 +62,7 @@ def columns(review: TableReview) -> Table:
 
 
 def banner(review: TableReview) -> Banner:
-    """Build the banner of the verdict."""
+    """Build the banner with the verdict."""
     word = "AGREE" if review.ok else "FAULTS" if review.explained else "NOT EXPLAINED"
     more = [f"Converted to SI units: {first_few(review.converted, NAMED)}."] if review.converted else []
     return Banner(
@@ -92,10 +92,10 @@ def sentences(review: TableReview) -> list[str]:
 
 
 def _loose(review: TableReview) -> Iterator[str]:
-    """Yield sentences on columns that agree to their printed digits, but not to the tolerance of a run."""
+    """Yield sentences on columns that agree within their printed digits, but not within the tolerance of a run."""
     for quantity in dict.fromkeys(column.quantity for column in review.columns if not column.ok):
         place = max(column.place for column in review.columns if column.quantity == quantity)
-        yield f"The numbers are rounded for printing: with error.{quantity} = {number(place, 2)} a run agrees."
+        yield f"The numbers are rounded for printing: a run agrees with error.{quantity} = {number(place, 2)}."
 
 
 def _all(review: TableReview, some: list[ReviewedColumn]) -> str:

@@ -44,7 +44,7 @@ def verdict(results: Comparison) -> Banner:
 
 
 def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
-    """Return the headline of a run in one sentence, most serious finding first, and further remarks."""
+    """Return the headline of a run, one sentence on the most serious finding, and further remarks."""
     sentences, word, status = _conclusion(results)
     return Banner(sentences[0], word, status), sentences[1:]
 
@@ -60,7 +60,7 @@ def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
     agreement, word = _agreement(results), WORDS[outcome]
     doubts = results.reservations
     if doubts or left:
-        more = [f"All {len(doubts)} are listed below."] if len(doubts) > DOUBTS else []
+        more = [f"All {len(doubts)} reservations are listed below."] if len(doubts) > DOUBTS else []
         return [*left, *doubts[:DOUBTS], *more, *agreement], f"{word}, but", "note"
     return agreement, word, "agree"
 
@@ -105,7 +105,7 @@ def _unjudged(results: Comparison) -> list[str]:
 
 
 def _report_undecided(results: Comparison) -> list[str]:
-    """Report undecided rows out of tolerance, using the pair or residual with most of them as example."""
+    """Report undecided samples; the pair or residual with the most undecided samples is the example."""
     found = [row for row in [*compared_pairs(results), *rows(results.judge)] if row["undecided"]]
     row = max(found, key=lambda row: row["undecided"])
     count = f"{results.undecided} of {len(results.times)} samples"
@@ -135,7 +135,7 @@ def _difference(results: Comparison) -> list[str]:
 
 
 def _report_faults(results: Comparison, *, explained: bool) -> Iterator[str]:
-    """Yield sentences on faults in tables out of tolerance, briefly enough for a headline."""
+    """Yield sentences, brief enough for a headline, on faults in tables that are out of tolerance."""
     for name, review in results.reviews.items():
         if review.explained == explained and not all(column.ok for column in review.columns):
             yield f"{name}: {' '.join(sentences_of(review))}"
@@ -220,7 +220,7 @@ def _report_integrated(pairs: list[Row]) -> list[str]:
 
 
 def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
-    """Report the digits of agreement, narrow number types last; also return open-tree quantities with fewer digits."""
+    """Report the digits of agreement, with narrow number types last; return open-tree quantities with fewer digits."""
     narrow = [row for row in agree if row["reason"].startswith(NARROW)]
     wide = [row for row in agree if not row["reason"].startswith(NARROW)]
     text, open_tree = _of_float64(wide, simulated) if wide else ("", [])

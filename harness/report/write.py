@@ -127,14 +127,14 @@ class Shown:
         return blocks
 
     def write(self, out: str | Path, *, force: bool = False) -> Path:
-        """Write data into a folder, then report and plots, replacing an earlier report.
+        """Write the data into a folder, then the report and its plots; replace an earlier report.
 
         Args:
             out: Folder, created if needed; it stays unchanged if the data cannot be written.
             force: Replace existing files, whatever their origin.
 
         Raises:
-            OutputError: The folder cannot be written, or contains different files with these names.
+            OutputError: The folder is not writable, or contains different files with these names.
             ReportError: The data were written, but the report could not be made.
         """
         return self._write(out, force=force)

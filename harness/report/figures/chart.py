@@ -1,4 +1,4 @@
-"""Vega-Lite diagrams from ``specs/*.json`` in one style, with one colour per engine, safe for colour-blind people."""
+"""Vega-Lite diagrams from ``specs/*.json`` in one style, with colours per engine that suit colour-blind readers."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _filled(node: Any, values: Spec) -> Any:
 
 
 def ways(field: str, looks: Mapping[str, Look]) -> Spec:
-    """Build template values that distinguish things by a field: scale domain and ranges, legend columns, clicks."""
+    """Build template values that distinguish marks by a field: scale domain and ranges, legend columns, and clicks."""
     entry = max(map(len, looks), default=0) * LETTER + 42
     kinds = {kind: [getattr(look, kind) for look in looks.values()] for kind in ("colour", "dash", "shape")}
     return {
@@ -74,8 +74,8 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
     """Build template values ``data`` and ``lookup``: a description of each curve, and its points, which may have gaps.
 
     Args:
-        linear: True if the curves share a linear axis; a still picture then omits points that lie on lines between
-            other points.
+        linear: True if the curves share a linear axis; a still picture then omits points on a straight line between
+            their neighbours.
     """
     rows, described, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
     series = [(fields, t, np.where(np.isfinite(v), v, np.nan)) for fields, t, v in series]
@@ -96,12 +96,12 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
 
 
 def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int = 7) -> Spec:
-    """Build template values ``x_scale`` and ``x_axis``, or ``y_scale`` and ``y_axis``, with ticks at decades or denser.
+    """Build template values ``x_scale`` and ``x_axis``, or ``y_scale`` and ``y_axis``, with a tick per decade or more.
 
     Args:
         values: Values to draw; only positive values can be drawn.
         names: Expression for the labels of the ticks.
-        most: Largest number of decades with a tick.
+        most: Largest number of decades that get ticks.
     """
     drawn = [value for value in values if 0.0 < value < np.inf] or [1.0]
     low, high = np.log10(min(drawn)) - 1e-9, np.log10(max(drawn)) + 1e-9
@@ -128,7 +128,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     Args:
         build: Function that returns the specification without a title; its argument is True for the interactive
             version, which has more points than are visible at once.
-        notes: Explanations of the picture, and remarks on omissions.
+        notes: Explanations of the picture, and remarks on what it omits.
     """
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**fill_template("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
@@ -160,7 +160,7 @@ def _unseen(layer: Spec) -> bool:
 
 
 def _place_labels(spec: Spec) -> Spec:
-    """Place labels next to their points in a Vega specification, which Vega-Lite cannot do."""
+    """Make a Vega specification place labels next to their points, which a Vega-Lite specification cannot do."""
     anchors = ["top-right", "right", "bottom-right", "top-left", "left", "bottom-left", "top", "bottom"]
     for mark in (mark for mark in spec["marks"] if mark["name"] == "labels_marks"):
         size = {"signal": "[width, height]"}
@@ -169,14 +169,14 @@ def _place_labels(spec: Spec) -> Spec:
 
 
 def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
-    """Thin samples without visible loss: keep ends, the extremes of each interval, and a gap for missing numbers.
+    """Thin samples without visible loss: keep the ends, the extremes of each interval, and gaps of missing numbers.
 
     Args:
         values: Shape (n,).
         bins: Number of intervals.
 
     Returns:
-        Ascending indices of the kept samples; all n if there are at most as many samples as intervals.
+        Ascending indices of the kept samples; all indices if n <= bins.
     """
     n = len(values)
     if n <= bins:
@@ -192,9 +192,9 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
 
 
 def straight_samples(t: Array, v: Array, off: float) -> NDArray[np.intp]:
-    """Select samples whose connecting lines pass within `off` of every omitted sample; gaps remain. Shapes (n,).
+    """Select samples so that lines between them pass within `off` of every omitted sample; keep gaps. Shapes (n,).
 
-    Each of four passes tests every second sample; samples dropped in an early pass deviate less.
+    Each of four passes tests every second remaining sample; samples dropped in an early pass deviate less.
     """
     at = np.arange(len(t))
     for _ in range(4):
@@ -206,7 +206,7 @@ def straight_samples(t: Array, v: Array, off: float) -> NDArray[np.intp]:
     return at
 
 
-# Colours of Okabe and Ito, without their yellow, which is too light for a line on white.
+# The colours of Okabe and Ito without yellow, which is too light for a line on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ((1, 0), (6, 3), (2, 2), (8, 2, 2, 2), (4, 1, 1, 1))
 CROSS, PLUS = "M-.8,-.8L.8,.8M-.8,.8L.8,-.8", "M-1,0H1M0,-1V1"
@@ -214,7 +214,7 @@ STAR = "M0,-1L.24,-.31L.95,-.31L.36,.12L.59,.81L0,.38L-.59,.81L-.36,.12L-.95,-.3
 SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right", "triangle-left")
 GREY, INK = "#767676", "#1b1f24"
 
-#: Prefixes of the names of a family -> colour; the first match counts.
+#: Name prefixes of a family -> colour; the first match counts.
 CAMPS = (
     (("closed-form", "newton", "screw"), COLOURS[0]),
     (("mjx", "mjwarp"), COLOURS[5]),
@@ -240,12 +240,12 @@ def numbered_look(i: int) -> Look:
 
 
 def camp(name: str) -> str:
-    """Return the colour for the prefix of the name of an engine, family or setting."""
+    """Return the colour for an engine, family or setting, chosen by the prefix of its name."""
     return next((colour for starts, colour in CAMPS if name.startswith(starts)), GREY)
 
 
 def looks_by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]:
-    """Return styles for engines, families or settings: the colour of the name's prefix with an unused shape and dash.
+    """Return styles for engines, families or settings: the colour for the name's prefix, with an unused shape and dash.
 
     Args:
         before: Names that already have a style.

@@ -27,7 +27,7 @@ def contour_picture(name: str, title: str, grid: GridMotion, of: tuple[str, str,
 
     Args:
         name: Name of the picture.
-        of: Names of engine, component and unit.
+        of: Names of the engine, the component and the unit.
         values: Values of the cells in the order of `grid.cells`; NaN if missing. Shape (n,).
     """
     engine, component, unit = of
@@ -53,13 +53,13 @@ def contour_picture(name: str, title: str, grid: GridMotion, of: tuple[str, str,
             **{f"{key}_ends": [float(some[0]), float(some[-1])] for key, some in zip("xy", edges, strict=True)},
         )
 
-    notes = [f"By {engine}."]
+    notes = [f"Computed by {engine}."]
     if len(levels) > 1:
         notes.append(f"Lines every {number(float(levels[1] - levels[0]), 3)}.")
     if lost := int(np.isnan(table).sum()):
         notes.append(f"Grey: {lost} of {table.size} cells without values.")
     if cut:
-        notes.append(f"The colour scale leaves out {TAIL:.0%} of the values at either end.")
+        notes.append(f"The colour scale omits {TAIL:.0%} of the values at either end.")
     return chart.picture(name, title, build, notes)
 
 
@@ -83,7 +83,7 @@ def _edges(axis: Array) -> Array:
 
 
 def _ends(table: Array) -> tuple[list[float], bool]:
-    """Return the range of the colours, and True if it omits values."""
+    """Return the range of the colour scale, and True if values lie outside it."""
     known = table[np.isfinite(table)]
     if not len(known):
         return [0.0, 1.0], False
@@ -95,7 +95,7 @@ def _ends(table: Array) -> tuple[list[float], bool]:
 
 
 def _levels(low: float, high: float) -> Array:
-    """Return round values between two numbers."""
+    """Return evenly spaced round numbers between two limits."""
     rough = (high - low) / LEVELS
     size = 10.0 ** np.floor(np.log10(rough))
     step = size * next(k for k in (1.0, 2.0, 5.0, 10.0) if k * size >= rough)

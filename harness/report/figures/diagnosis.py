@@ -20,7 +20,7 @@ FLOOR = 1e-17  # size at which zero is drawn
 
 
 def share_text(cause: ToldCause) -> str:
-    """Format the share of the torque difference; empty for causes without torque effect or numeric change."""
+    """Format a cause's share of the torque difference; empty if the cause has no torque effect or numeric change."""
     return percent(cause.share) if has_share(cause) else ""
 
 

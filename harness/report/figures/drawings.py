@@ -11,7 +11,7 @@ from screwgauge.solution import Solution, Values
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import file_name, unit_text, words
 
-MAX_PANELS = 6  # more panels side by side are illegible; components then share one panel
+MAX_PANELS = 6  # with more panels, which would be illegible, components share one panel
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Drawing:
 
     Attributes:
         panels: Labels and names of components.
-        unique: True if each component has a unique value; without unique values there is no tolerance.
+        unique: True if each component has a unique value; only unique values have a tolerance.
         others: Number of the figure's components that are omitted because they are not unique (or unique, if `unique`
             is False).
         contour: True if a single component is drawn over a grid.
@@ -99,7 +99,7 @@ def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]
 def drawable_figures(
     figures: tuple[Figure, ...], solutions: Mapping[str, Solution], others: Collection[Drawing] = ()
 ) -> tuple[Figure, ...]:
-    """Keep figures of curves, and their panels, for which an engine has values; return defaults if none remain."""
+    """Keep curve figures and panels for which an engine has values; if none remain, return default figures."""
     values, kept = _first_values(solutions), []
     for figure in (figure for figure in figures if figure.quantity in values):
         has = [panel for panel in figure.panels if select(values[figure.quantity], figure.unit, panel[1])]
@@ -124,7 +124,7 @@ def unmatched_figures(figures: tuple[Figure, ...], solutions: Mapping[str, Solut
 
 def _no_component(figures: Iterable[Figure], values: Mapping[str, Values]) -> list[str]:
     return [
-        f"figure '{figure.title}': no component of {figure.quantity} in {figure.unit} is called {pattern}"
+        f"figure '{figure.title}': no component of {figure.quantity} in {figure.unit} matches {pattern}"
         for figure in figures
         for pattern in dict.fromkeys(pattern for _, patterns in figure.panels for pattern in patterns)
         if not select(values[figure.quantity], figure.unit, (pattern,))

@@ -100,7 +100,7 @@ class Renderer:
         try:
             self.start()
         except OSError as error:
-            raise _error(f"no process can be started ({error.strerror or error})") from None
+            raise _error(f"the drawing process cannot be started ({error.strerror or error})") from None
 
     def end(self) -> None:
         """End the process."""
@@ -112,7 +112,7 @@ class Renderer:
 
 
 def _error(why: str) -> DrawingError:
-    return DrawingError(why, "", "draw it on a machine with more memory, or report this")
+    return DrawingError(why, "", "draw the picture on a computer with more memory, or report this")
 
 
 def _ending(process: subprocess.Popen[bytes]) -> str:
@@ -121,11 +121,11 @@ def _ending(process: subprocess.Popen[bytes]) -> str:
     if status == -signal.SIGKILL:
         how = f"was killed: memory ran out, or it took more than {LONGEST:g} s"
     else:
-        how = f"got {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+        how = f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
     space, _ = resource.getrlimit(resource.RLIMIT_AS)
     short = space != resource.RLIM_INFINITY
     cause = f"; its address space is limited to {space / 1e9:.3g} GB (ulimit -v), and V8 reserves more" if short else ""
-    return f"the process that draws {how}{cause}"
+    return f"the drawing process {how}{cause}"
 
 
 RENDERER = Renderer()

@@ -47,7 +47,7 @@ class _Subject:
     solved: dict[str, NDArray[np.bool_]]
 
     def given(self, *engines: str) -> list[str]:
-        """Return the components with values from all given engines, or all components; tables may lack some."""
+        """Return the components that all given engines have (tables may lack some), or all components if none do."""
         known = [{name for name, v in self.values[engine].items() if np.isfinite(v).any()} for engine in engines]
         names = self.drawing.names
         return [name for name in names if all(name in each for each in known)] or names
@@ -71,7 +71,7 @@ def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
 
 
 def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Picture:
-    """Draw one component of two engines, and the difference.
+    """Draw one component as computed by two engines, and the difference.
 
     Args:
         curve: Times [s] and both values. Shape (n, 3).
@@ -176,10 +176,10 @@ def _lower(
 ) -> Spec:
     """Build the template values of a panel with an axis that can be switched between logarithmic and linear.
 
-    Since a Vega-Lite scale cannot change its type, it shows logarithms, which are labelled as powers of ten.
+    A Vega-Lite scale cannot change its type, so the panel plots logarithms and labels them as powers of ten.
 
     Args:
-        ends: Ends of the logarithmic axis, and the upper end of the linear axis, which starts at 0.
+        ends: Both ends of the logarithmic axis, and the upper end of the linear axis, which starts at 0.
     """
     low, high = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
     values: Spec = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[2]:g}"}
@@ -224,13 +224,13 @@ def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
 
 
 def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str]:
-    """Return component -> label of the components to draw, limited to those with the largest motion."""
+    """Return component -> label for the components to draw, at most `MAX_CURVES`: those that vary most."""
     moving = sorted(names, key=lambda name: -float(np.ptp(np.nan_to_num(columns[name]))))[:MAX_CURVES]
     return {name: label for name, label in zip(names, short_labels([*names]), strict=True) if name in moving}
 
 
 def _largest_difference(subject: _Subject, pair: Pair) -> Apart:
-    """Return times, largest differences (NaN if a value is NaN), and the components that have them. Shapes (n,)."""
+    """Return times, the largest difference at each (NaN if a value is NaN), and its component. Shapes (n,)."""
     both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.given(*pair)
     first, second = (np.array([subject.values[engine][name][both] for name in names]) for engine in pair)
     apart = np.abs(first - second)
@@ -247,7 +247,7 @@ def sparse_samples(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[n
 
 
 def _compared_pairs(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], float | None]:
-    """Return the pairs of engines with the drawn quantity, and their tolerance if it is the same for all."""
+    """Return the pairs of engines that are compared in the picture, and their tolerance if all pairs share one."""
     table = comparison.errors
     rows = table[(table["quantity"] == drawing.quantity) & (table["unit"] == drawing.unit)]
     rows = rows[rows["component"].isin(drawing.names)]
@@ -260,7 +260,7 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
     """Warn about components and engines that the curves do not show."""
     others = [engine for engine in subject.values if engine not in shown]
     if others:  # for example, joint forces of an open tree differ between cuts
-        yield f"Not drawn as curves, because not comparable with {shown[0]}: {', '.join(others)}."
+        yield f"Not drawn as curves, because they are not comparable with {shown[0]}: {', '.join(others)}."
     names = subject.drawing.names
     if drawn < len(names):
         yield f"Curves: the {drawn} of {len(names)} components that move most. Differences: all {len(names)}."
@@ -269,4 +269,4 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
         bad = subject.t[solved & ~known]
         if len(bad):
             span = f"t = {number(bad[0])} s" + (f" to {number(bad[-1])} s" if len(bad) > 1 else "")
-            yield f"Gap: {engine} has no number at {len(bad)} of {solved.sum()} samples ({span})."
+            yield f"Gap: {engine} has no values at {len(bad)} of {solved.sum()} samples ({span})."

@@ -19,7 +19,7 @@ ENDINGS = (".pdf", ".png", ".svg")
 DRAFTS = 4  # number of drafts of a chart; each one measures the width of axes and legends
 NARROW = 110.0  # smallest width of a panel [pt]
 KEPT = ("$schema", "data", "transform", "params", "facet", "spec", "encoding", "layer", "width")  # of a chart
-#: Font -> fonts with equal letter widths that replace it if it is not installed.
+#: Font -> the font, and fonts with equal letter widths that replace it if it is not installed.
 ALIKE = {
     "Times": "Times, Times New Roman, Nimbus Roman, TeX Gyre Termes, Liberation Serif, serif",
     "Helvetica": "Helvetica, Arial, Nimbus Sans, Liberation Sans, sans-serif",
@@ -50,7 +50,7 @@ class Figure(Picture):
             path: Path that ends with ``.pdf``, ``.png`` or ``.svg``.
             width: Width in cm, mm, in or pt.
             font: Times, Helvetica, or an installed font. Drawings of mechanisms have a fixed font.
-            size: Size of the letters [pt].
+            size: Font size [pt].
             dpi: Dots per inch of a PNG.
             force: Replace an existing file, whatever its origin.
 
@@ -62,7 +62,7 @@ class Figure(Picture):
         if self.lost:
             raise ReportError(f"{self.title} could not be drawn ({self.lost})", str(path), "draw it again")
         if not (4 <= size <= 72 and 30 <= dpi <= 2400):
-            what = f"letters of {size} pt and {dpi} dpi are out of range"
+            what = f"{size} pt for the font and {dpi} dpi are not both in range"
             raise DescriptionError(what, "figure", "use 4 to 72 pt and 30 to 2400 dpi")
         spec, svg = json.loads(self.chart or "{}"), self.svg
         if {"layer", "facet", "vconcat"} & spec.keys():
@@ -95,7 +95,7 @@ def points_of_width(width: str) -> float:
     found = re.fullmatch(r" *(\d+(?:\.\d*)?) *(pt|in|cm|mm) *", width) if isinstance(width, str) else None
     points = float(found[1]) * POINTS[found[2]] if found else 0.0
     if not 50.0 <= points <= 3000.0:
-        raise DescriptionError(f"{shown(width)} is not a width for a figure", "figure", 'write "8.5cm", or mm, in, pt')
+        raise DescriptionError(f"{shown(width)} is not a width for a figure", "figure", 'use cm, mm, in or pt: "8.5cm"')
     return points
 
 
@@ -118,13 +118,13 @@ def _with_fallbacks(font: str) -> str:
     )
     if not name or b"/BaseFont" not in bytes(RENDERER.ask("svg_to_pdf", probe)):
         raise DescriptionError(
-            f"font {shown(font)} is not installed", "figure", f"choose another, or {' or '.join(ALIKE)}"
+            f"font {shown(font)} is not installed", "figure", f"choose an installed font, or {' or '.join(ALIKE)}"
         )
     return font
 
 
 def _draw(spec: Spec, wide: float, font: str, size: float) -> str:
-    """Draw a chart's curves as an SVG with a given width [pt], measuring axes and legends in drafts."""
+    """Draw a chart's curves as an SVG with a given width [pt]; drafts show how much space axes and legends need."""
     view = _curves(spec, wide, font, size)
     panel, svg = view.get("spec", view), ""
     axis = panel.get("encoding", view.get("encoding"))["y"]
@@ -141,7 +141,7 @@ def _draw(spec: Spec, wide: float, font: str, size: float) -> str:
 
 
 def _curves(spec: Spec, wide: float, font: str, size: float) -> Spec:
-    """Return the specification of a chart's lines, without their surroundings."""
+    """Reduce a chart's specification to its curves (or the contour plot), axes and legends, in the style of a paper."""
     view, texts = {**spec, **spec.get("vconcat", [{}])[0]}, {"labelFontSize": size, "titleFontSize": size}
     config = {key: {**part, **texts} for key, part in spec["config"].items() if isinstance(part, dict)}
     config["axis"] |= {"grid": False, "domainColor": "black", "tickColor": "black"}

@@ -74,14 +74,14 @@ def _banner(check: Check) -> Banner:
         )
     larger = [row.scene for row in check.rows if row.more and row.ok]
     if check.ok and larger:
-        sentences.append(f"Of {first_few(larger, SHOWN)} only the rigid machine is compared: some forces are left out.")
+        sentences.append(f"Only the rigid machine of {first_few(larger, SHOWN)} is compared: some forces are omitted.")
     sentences += filter(None, [check.left_alone])
     qualified = alone or larger or check.unread or any(row.admitted or row.doubts for row in check.rows)
     return Banner.of(" ".join(sentences), check.ok, "OK, but" if qualified else "OK", "FAILED")
 
 
 def _admitted(check: Check) -> list[str]:
-    """List the admitted differences and their scenes."""
+    """List the accepted differences and their scenes."""
     scenes: dict[str, list[str]] = {}
     for row in check.rows:
         for each in row.admitted:
@@ -102,7 +102,7 @@ def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
 
 
 def _rows(check: Check) -> list[dict[str, Any]]:
-    """Return rows for tables, failed rows first, then sorted by closeness to the tolerance."""
+    """Return rows for tables, sorted: failed rows first, then those closest to their tolerance."""
 
     def order(row: GateRow) -> tuple[bool, float]:
         return row.ok, -beyond(row.worst.error, row.worst.tolerance) if row.worst else 0.0
@@ -120,12 +120,12 @@ def _pictures(check: Check) -> list[Picture]:
 
 
 def _about(check: Check) -> dict[str, Any]:
-    """Return the facts for the top of the page: size of the check, engines, files and date."""
+    """Return the facts for the top of the page, such as the number of scenes, engines, files and date."""
     engines = dict.fromkeys(f"{name} {version}".strip() for row in check.rows for name, version in row.versions.items())
     files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(check).items()]
     return {
         "scenes and pairs": len(check.rows),
-        "motion": "a few samples of an exciting motion" if check.smoke else "its own",
+        "motion": "a few samples of an exciting motion" if check.smoke else "the motion of each scene or pair",
         "duration": f"{sum(row.seconds for row in check.rows):.1f} s for all scenes together",
         "engines": ", ".join(engines),
         "files": first_few(files, SHOWN) + (", see Environment" if len(files) > SHOWN else ""),
@@ -176,9 +176,9 @@ class _Page(Report):
         force: bool = False,
         **writing: Any,
     ) -> Path:
-        """Write ``check.json``, the report and ``environment.json``; JUnit and baseline on request.
+        """Write ``check.json``, the report and ``environment.json``; on request, a JUnit file and a baseline.
 
-        Append the summary of a job to the file that the variable `SUMMARY` names.
+        Append the job's summary to the file that the environment variable `SUMMARY` names.
         """
         if junit is not None:
             save_file(junit, results.junit(), force=force)

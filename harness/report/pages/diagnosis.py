@@ -62,8 +62,8 @@ def _scale(diagnosis: Diagnosis) -> str:
     if not any(map(has_share, diagnosis.causes)):
         return ""
     return (
-        f"Each share is the part of the torque difference that its cause makes by itself at {STATES} random states, "
-        "with torques of each unit divided by the largest; a negative share partly cancels the others."
+        f"Each share is the part of the torque difference that the cause alone produces at {STATES} random states, "
+        "with torques divided by the largest of the same unit; a negative share partly cancels the others."
     )
 
 

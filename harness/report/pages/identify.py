@@ -27,14 +27,14 @@ def headline(found: Identification) -> str:
     if fit is not None and not fit.explains:
         parts.append(
             f"The residual is not noise: its correlation from sample to sample is {number(fit.correlation, 2)}. "
-            "Some force acts that these numbers do not describe."
+            "These numbers do not describe all forces that act."
         )
     if fit is not None:
         parts.append(
-            f"Forces of samples that were not fitted are predicted to {_share(fit.error)} of the largest (noise "
+            f"In samples that were not fitted, forces are predicted to {_share(fit.error)} of the largest force (noise "
             f"{_share(fit.noise)}); {int(found.known.sum())} of {len(found.names)} numbers are identified."
         )
-    faster = f", {found.faster} at {FASTER:g} times its speed" if found.faster > found.determined else ""
+    faster = f", {found.faster} at {FASTER:g} times the speed" if found.faster > found.determined else ""
     parts.append(
         f"Motions can identify {any_motion.rank} of {any_motion.count} numbers or combinations of them; this motion "
         f"identifies {found.determined} with noise of {_share(found.noise)} of the largest force{faster}."
@@ -51,7 +51,7 @@ def _banner(found: Identification) -> Banner:
 
 
 def _unseen(found: Identification) -> Iterator[str]:
-    """Yield sentences on shifts through joints, by kind, and on numbers that no motion can determine separately."""
+    """Yield sentences on moments that can be shifted through a joint without effect, and on numbers without effect."""
     through = [one for one in found.structure.directions if one.kind != LIST]
     for (joint, kind, bodies), some in groupby(through, lambda one: (one.joint, one.kind, one.bodies)):
         axes = [one.axis for one in some]
@@ -91,7 +91,7 @@ def _rows(found: Identification) -> list[Row]:
 
 
 def _seen(found: Identification) -> list[Row]:
-    """Return the numbers that are best determined."""
+    """Return rows for the most accurately determined numbers."""
     shares = np.where(found.known, found.after / np.where(found.prior > 0.0, found.prior, 1.0), np.inf)
     order = np.argsort(shares, kind="stable")
     rows = _rows(found)
@@ -108,7 +108,7 @@ def numbers_table(found: Identification) -> pd.DataFrame:
 
 
 def directions_table(found: Identification) -> pd.DataFrame:
-    """Build the table of all unidentifiable directions, with one row per entry."""
+    """Build the table of all unidentifiable directions, with a row for each entry."""
     rows = [
         [i, one.kind, one.joint, one.axis, name, value]
         for i, one in enumerate(found.structure.directions, 1)

@@ -16,8 +16,8 @@ PACKAGES = "pin", "mujoco"
 
 def _banner(table: pd.DataFrame) -> Banner:
     bad = [row for row in rows(table) if row["status"] != "agree"]
-    count, lost = f"{len(table) - len(bad)} of {len(table)}", f" Not on {_pairs(bad)}." * bool(bad)
-    text = f"On {count} pairs of versions all built-in scenes pass.{lost}"
+    count, lost = f"{len(table) - len(bad)} of {len(table)}", f", but not on {_pairs(bad)}" * bool(bad)
+    text = f"All built-in scenes pass on {count} pairs of versions{lost}."
     return Banner.of(text, not bad)
 
 
@@ -30,7 +30,7 @@ def _pairs(some: Iterable[Row]) -> str:
 
 
 def _reasons(table: pd.DataFrame) -> list[str]:
-    """List the reasons for failures, with the number of failing scenes; pairs with the same reason share a line."""
+    """List the reasons for failures, with the number of failing scenes; version pairs with one reason share a line."""
     amount, grouped = "scenes out of tolerance in {differing}; the first: ", dict[str, list[Row]]()
     for row in rows(table):
         if row["reason"]:

@@ -61,7 +61,7 @@ def _banners(results: Comparison) -> list[Banner]:
 
 
 def _shown(errors: Iterable[Row]) -> list[Row]:
-    """Return rows for tables, with the place of the worst error and a mark if it is out of tolerance."""
+    """Return rows for tables, with component and time of the worst error, marked if the error is out of tolerance."""
     shown = []
     for row in errors:
         component, t = row.get("worst_component"), row.get("worst_t")
@@ -104,7 +104,7 @@ def _what(results: Comparison) -> dict[str, Any]:
 
 
 def _overview(results: Comparison) -> list[Row]:
-    """Return the digits of agreement of each pair and the digits that the tolerance requires, differences first."""
+    """Return the digits to which each pair agrees, and those that the tolerance requires; pairs that differ first."""
     lines, groups = list[Row](), grouped(compared_pairs(results), "quantity", "unit").values()
     for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
@@ -137,7 +137,7 @@ def _pairs(results: Comparison) -> dict[str, list[Row]]:
 
 
 def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
-    """Select the first pictures: one of a difference, or else of actuator forces, or else any; then the mechanism."""
+    """Select the first pictures: a quantity that differs, or else actuator forces, or else any; then the mechanism."""
     drawn, pairs = named_drawings(results), _pairs(results)
     shown = [picture for picture in pictures if picture.name in drawn]
     differ = [picture for picture in shown if not all(row["ok"] for row in pairs.get(picture.name, []))]
@@ -221,7 +221,7 @@ def published(results: Comparison) -> list[Row]:
 
 
 def published_row(item: Published) -> Row:
-    """Build the row of a published result, with its error in the column of its measure."""
+    """Build the table row of a published result; its error goes into the column of what was measured."""
     off = "" if missing(item.accuracy) else size(item.accuracy)
     errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
     cpu_s = None if missing(item.cpu_s) else item.cpu_s
@@ -229,12 +229,12 @@ def published_row(item: Published) -> Row:
 
 
 def _worst(errors: Sequence[Row], key: str) -> list[Row]:
-    """Return the worst error for each key and unit: out of tolerance first, then by size; NaN is worst."""
+    """Return the worst error for each key and unit; errors out of tolerance are worse than others, and NaN is worst."""
     return _shown(map(_least, grouped(errors, key, "unit").values()))
 
 
 def _least(group: Sequence[Row]) -> Row:
-    """Return the row with the fewest digits, rows out of tolerance first, as in the verdict."""
+    """Return the row with the fewest digits, of the rows out of tolerance if there are any, as in the verdict."""
     return max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0)))
 
 
@@ -301,8 +301,8 @@ DATA, report = RUN.DATA, RUN.blocks
 
 
 def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
-    """Return the blocks for a terminal: verdict, worst pair of each quantity and unit, worst engine of each residual,
-    and conditioning.
+    """Return the blocks for a terminal: the verdict, the worst pair for each quantity and unit, the worst engine for
+    each residual, and the conditioning.
     """
     brief: dict[str, Value] = {} if judge else {"worst residuals": lambda results: ()}
     return replace(RUN, values={**VALUES, **brief}).terminal(results)

@@ -22,13 +22,11 @@ from screwgauge.study.sweep.run import Sweep
 #: Number of bars in a tornado chart, of rows on the first screen, and of names for the farthest variant.
 BARS, FIRST, NAMED = 15, 8, 3
 TABLE = "variants.csv"
-NOTES = (
-    "Change by one standard deviation in both directions, to first order; the longest bar has the most influence.",
-)
+NOTES = ("Effect of one standard deviation in both directions, to first order; longer bars mean more influence.",)
 
 
 def headline(sweep: Sweep) -> str:
-    """State the most influential number, the number of variants, and the number on which the engines agree."""
+    """State the most influential number, how many variants there are, and on how many of them the engines agree."""
     count, lost = len(sweep.why), int(np.sum(sweep.why != ""))
     parts = []
     if sweep.effects:
@@ -37,7 +35,7 @@ def headline(sweep: Sweep) -> str:
         parts.append(
             f"{effect.name} has the most influence: one standard deviation ({_size(effect)}) changes "
             f"{sweep.columns[column].name} by {number(abs(effect.changes[column]), 3)}, "
-            f"{number(100.0 * share, 2)} % of the largest."
+            f"or {number(100.0 * share, 2)} % of the largest nominal value."
         )
     parts.append(f"{count} variants" + (f", {lost} without values." if lost else ", all with values."))
     if sweep.checked:
@@ -71,7 +69,7 @@ def _effects(sweep: Sweep) -> list[Row]:
 
 
 def _columns(sweep: Sweep) -> list[Row]:
-    """Return a row for each statistic: its value in the scene, and its range over variants."""
+    """Return a row for each statistic: its value in the scene, and its mean, spread and farthest value in variants."""
     lines = list[Row]()
     for k, column in enumerate(sweep.columns):
         row, line = sweep.worst(k), {"name": column.name, "nominal": number(sweep.nominal[k], 4)}
@@ -86,7 +84,7 @@ def _columns(sweep: Sweep) -> list[Row]:
 
 
 def _farthest(sweep: Sweep, row: int, column: int) -> str:
-    """List the numbers of a variant that influence a statistic most."""
+    """List the numbers that influence a statistic most, with their values in a variant."""
     order = sorted(sweep.effects, key=lambda effect: -abs(float(effect.changes[column])))
     values = sweep.numbers.iloc[row]
     some = [effect.name for effect in order if effect.name in values.index] or [*values.index]
@@ -131,7 +129,7 @@ def make_plots(sweep: Sweep) -> list[Picture]:
 
 
 def effects_table(sweep: Sweep) -> pd.DataFrame:
-    """Build the table of the effects of one standard deviation in each number."""
+    """Build a table of the effects of changing each number by one standard deviation."""
     rows = [effect.changes for effect, _ in sweep.ranked]
     head = pd.DataFrame(
         [[effect.name, effect.kind, effect.deviation] for effect, _ in sweep.ranked],

@@ -1,1 +1,1 @@
-"""The mechanism in 3D, drawn from its description, in motion, with forces and constraints."""
+"""3D scenes of a mechanism in motion, drawn from its description, with forces and constraints."""

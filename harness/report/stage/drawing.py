@@ -1,4 +1,4 @@
-"""SVG drawing of a mechanism in the home pose by parallel projection."""
+"""SVG drawing of a mechanism in the home pose, in parallel projection."""
 
 from __future__ import annotations
 
@@ -67,14 +67,14 @@ LOOK = f"""
 
 
 def _cloud(mechanism: Mechanism, solids: Sequence[Shape], joints: Sequence[tuple[Joint, Array, Array]]) -> Array:
-    """Return the points that a picture must contain, in its plane. Shape (n, 2)."""
+    """Return the points that a picture must contain, projected into its plane. Shape (n, 2)."""
     rods = [one for one in solids if one.group == "links" or one.kind == "slide" or one.group == "other"]
     points = [*(end for one in rods for end in (one.a, one.b)), *(place for _, place, _ in joints)]
     return np.array(points) @ _view(mechanism).T
 
 
 def _view(mechanism: Mechanism) -> Array:
-    """Return the directions to the right and down the page, as rows. Shape (2, 3)."""
+    """Return the world directions that point right and down on the page, as rows. Shape (2, 3)."""
     return view_axes(viewed_from(mechanism)) * [[1.0], [-1.0]]
 
 
@@ -98,7 +98,7 @@ def drawing(
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((WIDE - 2 * EDGE) / size[0], (TALL - 2 * EDGE) / size[1])
     odd = any(one.group == "doubts" for one in solids)
-    legend, head = _legend(mechanism, {"the other": bool(others), "spring": bool(coils), "suspicious": odd})
+    legend, head = _legend(mechanism, {"second mechanism": bool(others), "spring": bool(coils), "suspicious": odd})
     shift = np.array([(WIDE - scale * size[0]) / 2.0, head + EDGE]) - scale * low
     tall = head + scale * size[1] + 2 * EDGE + CORNER
     joints = [(joint, scale * place + shift, axis) for joint, place, axis in joints]
@@ -138,7 +138,7 @@ def corner(view: Array, pixels: float, tall: float) -> str:
     """Draw world axes, and a scale bar with a round length, at the lower left.
 
     Args:
-        view: Directions to the right and down the page. Shape (2, 3).
+        view: World directions that point right and down on the page. Shape (2, 3).
         pixels: Pixels per metre.
         tall: Height of the page.
     """
@@ -199,7 +199,7 @@ def _spiral(a: Array) -> str:
 
 
 def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -> str:
-    """Draw the mark of a joint and its last axis: an arrow, or a sign in the mark if the axis is along the view."""
+    """Draw the mark of a joint and its last axis: an arrow, or a sign in the mark along the line of sight."""
     turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.slides == 1 and np.hypot(*seen) > 0.05 else 0.0
     drive = "" if not joint.actuated else ROUND if joint.angles else ALONG
     turns = joint.angles == 1 and not joint.fixed
@@ -213,7 +213,7 @@ def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -
 #: Kind of additional element -> mark.
 FURTHER = {
     "spring": '<path class="spring" d="M-12,0l3,0l2,-5l4,10l4,-10l4,10l2,-5h5"/>',
-    "the other": '<path class="other" d="M-12,0H12"/>',
+    "second mechanism": '<path class="other" d="M-12,0H12"/>',
     "suspicious": f'<g transform="translate(-3 0)">{ODD}</g>',
 }
 
@@ -249,7 +249,7 @@ def labels(
 ) -> list[str]:
     """Place labels where they cover least, with a leader line if they are distant; labels do not overlap.
 
-    Labels without room are omitted.
+    Labels that do not fit are omitted.
 
     Args:
         wanted: Text, colour and target of each label.

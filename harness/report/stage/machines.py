@@ -1,4 +1,4 @@
-"""Both machines of a diagnosis side by side, in the home pose, with marked differences."""
+"""Both machines of a diagnosis side by side in the home pose, with their differences marked."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.answer import Diagnosis
     from screwgauge.diagnosis.model import Model
 
-#: Size of one machine, and of the line above it [pixels]; number of names shown, from the first causes on.
+#: Sizes of one machine and of the line above it [pixels]; number of names shown, beginning with the first causes.
 SIDE, HEAD, NAMED = 290.0, 26.0, 8
 #: Direction to the viewer of both machines, unless they are planar.
 SEEN = np.array([0.62, -0.62, 0.48])
@@ -37,7 +37,7 @@ LOOK = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnMachine:
-    """A machine: its reading in A's world frame, and the differing bodies and joints, ranked by their causes."""
+    """A machine placed in A's world frame, with its differing bodies and joints in the order of their causes."""
 
     title: str
     reading: Reading
@@ -58,7 +58,7 @@ class DrawnMachine:
             yield name, self.point(frame[:3, 3])
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Yield lines of bodies: from a body's first joint to its other joints and closures, or its centre of mass."""
+        """Yield the lines that represent each body; they connect its joints, closures or, failing these, its mass."""
         at, masses, held = self.joints(), self.masses(), [*self.closures()]
         behind = dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
@@ -86,7 +86,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
     ours, theirs = (
         tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")
     )
-    pair = diagnosis.found.pair  # here the difference of B as a whole is undone
+    pair = diagnosis.found.pair  # here, B as a whole is aligned with A
     one, two = _in_one_pose(diagnosis)
     placement = pair.placed.get(GROUND, np.eye(4))
     sides = (
@@ -116,7 +116,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
 
 
 def _in_one_pose(diagnosis: Diagnosis) -> tuple[Reading, Reading]:
-    """Return both readings in the home pose of A, or in that of B if only B's file locates the closures."""
+    """Return both readings in the home pose of A, or in the home pose of B if only B's file locates the closures."""
     pair = diagnosis.found.pair
     a, b = pair.a.reading, pair.b.reading
     single = {n: x for n, x in pair.joints.items() if a.joints[n].kind == b.joints[x.name].kind in ("hinge", "slide")}

@@ -72,7 +72,7 @@ def home_pose(mechanism: Mechanism) -> DrawnMotion:
 
 
 def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion:
-    """Return the motion of a scene from the first engine with all joints, else close loops along the given motion."""
+    """Return a scene's motion from the first engine that computed all joints, or close loops along the given motion."""
     lay = layout(scene.mechanism)
     for name, solution in solutions.items():
         q = assembly_of(scene.mechanism, solution)

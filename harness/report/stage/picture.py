@@ -1,4 +1,4 @@
-"""Picture of a mechanism, as projection and as data for ``stage.js``, with its constraints in words."""
+"""Picture of a mechanism: a projection, data for ``stage.js``, and a description of the constraints."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def stage(
     other_shapes = differences(mechanism, other, unsigned) if other else []
     coils = springs(mechanism, what.applied.springs) if isinstance(what, Scene) else []
     text = json.dumps(data(motion, [*coils, *other_shapes]), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
-    title = f"{mechanism.title or mechanism.name}: home pose{' and differences of the other' * bool(other)}"
+    title = f"{mechanism.title or mechanism.name}: home pose{', with differences of the other mechanism' * bool(other)}"
     idle = [one.label for one in what.undriven] if isinstance(what, Scene) else []
     return Picture("mechanism", title, drawing(mechanism, other_shapes, coils, idle), stage=text)
 
@@ -94,7 +94,7 @@ def remarks(picture: Picture) -> list[Block]:
 
 
 def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
-    """Build the input of ``stage.js``, with remarks; positions are from the centre, divided by the mechanism's length.
+    """Build the input of ``stage.js``, with remarks; positions are relative to the centre, in mechanism lengths.
 
     Args:
         more: Springs, and shapes of a second mechanism.
@@ -135,7 +135,7 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
 
 
 def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, str]]:
-    """Return the colours of the joint kinds that occur, with their meanings."""
+    """Return the colours that occur, with their meanings."""
     kinds = {one.kind for one in solids if one.group == "joints"}
     driven = "driven joint (turns in the ring)" if "ring" in kinds else "driven joint (slides along its arrows)"
     if {"ring", "arrow"} <= kinds:
@@ -149,7 +149,7 @@ def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, st
 
 
 def _loads(shown: Sequence[Arrow]) -> list[str]:
-    """Describe the loads on bodies with their sizes; weights are omitted."""
+    """Describe the loads on bodies and their magnitudes; weights are omitted."""
     loads = [one for one in shown if one.group == "loads"]
     each = [
         f"{'a moment' if one.turns else 'a force'} on {one.name.removeprefix('load on ')}, {_range(one)}"
@@ -164,7 +164,7 @@ def _springs(more: Sequence[Shape]) -> list[str]:
 
 
 def _range(one: Arrow) -> str:
-    """Format the range of a force over the motion."""
+    """Format the range of a force's magnitude over the motion."""
     sizes = np.linalg.norm(one.vectors, axis=1)
     low, high, unit = f"{sizes.min():.4g}", f"{sizes.max():.4g}", f"N{' m' * one.turns}"
     return f"{high} {unit} throughout" if low == high else f"{low} to {high} {unit}"
@@ -248,7 +248,7 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
     kinds = [[[*map(_kind, system)] for system in (*one.wrenches, one.twists)] for one in holding]
     if changes := [f"{t[k]:.3g} s" for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]]:
         times = ", ".join(changes[:3]) + ", ..." * (len(changes) > 3)
-        text.append(f"This is the first pose; the kind or number of constraints changes near t = {times}.")
+        text.append(f"The first pose is described; the kind or number of constraints changes near t = {times}.")
     elif len(kinds) > 1:
         samples = f"all {len(kinds)} samples tried"
         text.append(f"Points and directions are those of the first pose; kinds are the same at {samples}.")
@@ -270,7 +270,7 @@ def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None)
         return ""
     clauses = [f"{listed(names)}: {what}" for what, names in alike.items()]
     plane = "" if normal is None else f" in the plane normal to {_way(normal)}"
-    lead = f"Forces on {first.body} that each leg constrains{plane}"
+    lead = f"Constraint forces on {first.body} from each leg{plane}"
     if not _has_legs(first):
         lead = f"Constraint forces on {first.body}{plane}" + ", by chain of joints" * (len(first.legs) > 1)
     return f"{lead}: {'; '.join(clauses)}."
