@@ -117,8 +117,8 @@ def diagnose(
         map: Joints and bodies of A -> their partners in B, where names and geometry are ambiguous; or a TOML file with
             this table.
         seed: Seed of the random states.
-        loops: File with the loop closures of URDFs, ``robot.yaml`` or ``.loops.toml``, if it is not next to the
-            URDF: one file for both models, or one for each (None for the file next to the URDF).
+        loops: File with the loop closures of URDFs, ``robot.yaml`` or ``.loops.toml``, if it is not next to the URDF:
+            one file for both models, or one for each (None for the file next to the URDF).
         limit: Time after which no further step begins, 3600 by default [s]; `left_out` names the omitted steps.
         load: Function that reads a file; by default files are read in this process, which ends if a library crashes.
         only: ``rigid`` compares only geometry, masses and inertias; by default everything is compared.

@@ -37,7 +37,7 @@ def test_a_run_that_cannot_draw_has_verdict_results_and_a_report_that_says_what_
     assert done.returncode == 3
     assert json.loads(done.stdout)["ok"] is True
     assert done.stderr.startswith(f"screwgauge: {tmp_path / 'out'}: ")
-    assert re.search("drawings.*SIG.*8 GB .ulimit -v", done.stderr)
+    assert re.search("pictures.*SIG.*8 GB .ulimit -v", done.stderr)
     assert done.stderr.count("\n") == 1
     assert json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["ok"] is True
     for name in ("report.md", "report.html"):
@@ -57,7 +57,7 @@ def test_a_diagnosis_that_cannot_draw_has_its_verdict(tmp_path):
     assert done.returncode == 3
     assert "DIFFER" in done.stdout
     assert done.stdout.endswith(f"report: {out / 'report.html'}\n")
-    assert "drawings could not be made" in done.stderr
+    assert "pictures could not be drawn" in done.stderr
     assert json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))["verdict"].count("mass 7.500 kg")
 
 

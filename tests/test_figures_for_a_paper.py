@@ -82,7 +82,7 @@ def test_several_figures_are_no_file(results, tmp_path):
         ({"width": "900cm"}, "is not a width"),
         ({"font": "No Such Font"}, "'No Such Font' is not installed"),
         ({"font": 'a"/><script/>'}, "is not installed"),
-        ({"size": 0.0}, "letters of 0.0 pt"),
+        ({"size": 0.0}, "font size 0.0 pt"),
         ({"dpi": 10**9}, "1000000000 dpi"),
     ],
 )

@@ -62,7 +62,7 @@ class Figure(Picture):
         if self.lost:
             raise ReportError(f"{self.title} could not be drawn ({self.lost})", str(path), "draw it again")
         if not (4 <= size <= 72 and 30 <= dpi <= 2400):
-            what = f"{size} pt for the font and {dpi} dpi are not both in range"
+            what = f"font size {size} pt or resolution {dpi} dpi is out of range"
             raise DescriptionError(what, "figure", "use 4 to 72 pt and 30 to 2400 dpi")
         spec, svg = json.loads(self.chart or "{}"), self.svg
         if {"layer", "facet", "vconcat"} & spec.keys():
