@@ -116,7 +116,7 @@ def test_a_seed_gives_the_same_motion_and_another_another():
     one, same, other = (exciting(scene, seed) for seed in (3, 3, 4))
     assert np.array_equal(one.motion.y, same.motion.y)
     assert not np.array_equal(one.motion.y[:5], other.motion.y[:5])
-    assert (one.name, one.title) == ("bennett-exciting-3", "Bennett linkage, exciting motion of seed 3")
+    assert (one.name, one.title) == ("bennett-exciting-3", "Bennett linkage, exciting motion with seed 3")
 
 
 @pytest.mark.slow
@@ -125,7 +125,7 @@ def test_engines_agree_in_it_and_the_report_tells_it_as_toml(tmp_path, write, ca
     assert main(["run", "bennett", "--exciting", "--seed", "5", "--json", "--out", str(tmp_path / "out")]) == 0
     assert json.loads(capsys.readouterr().out)["scene"] == "bennett-exciting-5"
     page = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert "exciting motion of seed 5" in page
+    assert "exciting motion with seed 5" in page
     (line,) = [re.sub(r"\\(.)", r"\1", line) for line in page.splitlines() if line.startswith("| motion |")]
     said = f'mechanism = "bennett"\nmotion.{line.removeprefix("| motion | ").removesuffix(" |")}\n'
     again = screwgauge.load_scene(write("again.toml", f"{said}time = {{ times = [0, 0.1, 0.2] }}\n"))

@@ -210,7 +210,7 @@ def test_the_bench_measures_no_tables(scene, right, refused):
         ([[0.0]], {"a": [1.0]}, "is not a list of times"),
         ([0.0], {"a": [np.nan]}, "finite number in data row 1"),
         ([0.0], {}, "has no column besides t"),
-        ([0.0], {"a": ["x"]}, "column 'a' is not a finite number"),
+        ([0.0], {"a": ["x"]}, "column 'a' has no finite number"),
     ],
 )
 def test_arrays_that_are_no_table_are_refused(t, columns, said):

@@ -104,7 +104,7 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
 
 @pytest.fixture(scope="session")
 def given(loaded: Loaded) -> Problem:
-    """Return the problem of a given motion, requesting all quantities that the engine computes."""
+    """Return a problem that requests all quantities of the engine for a given motion."""
     loaded.takes(GivenMotion)
     return loaded.scene.problem(loaded.quantities)
 

@@ -38,10 +38,10 @@ def check_same(one: Solution, other: Solution) -> None:
 
 
 def test_components_units_and_shapes(loaded: Loaded, given: Problem, answered: Solution) -> None:
-    assert {*answered.values} == {*given.wanted}, "return the wanted quantities, and declare missing ones in `lacks`"
+    assert {*answered.values} == {*given.wanted}, "return all wanted quantities, or list missing quantities in `lacks`"
     assert answered.version, "Solution.version is empty; set it to the library's version"
     n, known = len(given.task), described(loaded.mechanism)
-    assert answered.condition.shape == (n,), "Solution.condition must have a number for each sample, ones if unknown"
+    assert answered.condition.shape == (n,), "Solution.condition must have a number for each sample, or 1 if unknown"
     coordinates = dict(zip(loaded.mechanism.coordinates, loaded.mechanism.units, strict=True))
     for name, values in answered.values.items():
         components, units = known[name]
@@ -78,7 +78,7 @@ def test_the_input_stays_as_it_is_and_may_be_read_only(loaded: Loaded, given: Pr
     t, y, yd, ydd, _ = copies
     check_same(answered, loaded.ask(replace(given, applied=applied, task=GivenMotion(t, y, yd, ydd))))
     for array, before in zip(copies, (motion.t, motion.y, motion.yd, motion.ydd, gravity), strict=True):
-        assert np.array_equal(array, before), "the engine writes into the problem; copy arrays first"
+        assert np.array_equal(array, before), "the engine writes into the problem; copy its arrays first"
     assert [load.numbers() for load in applied.loads] == loads
 
 
@@ -107,7 +107,7 @@ def test_nothing_is_printed(loaded: Loaded, given: Problem, capfd: pytest.Captur
 
 
 def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
-    """If gravity is None, engines use the gravity of the model file or else `GRAVITY`, which equals the scene's."""
+    """If gravity is None, engines use the gravity of the model file, or else `GRAVITY`, the gravity of the scene."""
     quantity = _force_of(loaded)
     problem = replace(given, wanted=frozenset((quantity,)))
     left = replace(problem, applied=replace(problem.applied, gravity=None))

@@ -47,7 +47,7 @@ _REFUSED = tuple(error.__name__ for error in REFUSALS)
 
 
 def other_than(name: str) -> str:
-    """Return the name of the engine that serves as reference for a given engine."""
+    """Return the name of the engine that serves as the reference for a given engine."""
     return "screw" if name != "screw" else "pinocchio"
 
 
@@ -65,7 +65,7 @@ def built_in(name: str) -> Scene:
 
 
 def run_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict: bool = False) -> Results:
-    """Run a scene with the quantities that the engine computes.
+    """Run an engine on a scene for the quantities that it computes.
 
     Skip the test if the engine refuses the scene with an error message, and fail it if the engine fails. If strict,
     also fail if the engine refuses a scene for a reason that `refuses` does not name.

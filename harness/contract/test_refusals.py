@@ -1,4 +1,4 @@
-"""Declarations of an engine are true, and it refuses problems that it does not support with an error message."""
+"""The declarations of an engine are true, and it rejects unsupported problems with an error message."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def test_a_simulation_has_joint_motions_work_and_cost(loaded: Loaded, fall: Prob
     assert fallen.work is not None, "set `work`, with NaN where it is unknown"
     assert fallen.work.shape == fallen.condition.shape == (n,)
     assert (fallen.stopped, fallen.rows, fallen.n_solved) == ("", None, n)
-    assert fallen.setting, "state method and tolerances in `setting`"
+    assert fallen.setting, "name the method and its tolerances in `setting`"
     assert fallen.cost is not None, "set `cost`: steps, evaluations, time"
     assert fallen.cost.evaluations > fallen.cost.steps > 0
     assert fallen.cost.wall_s > 0.0

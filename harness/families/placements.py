@@ -32,7 +32,7 @@ def _freedoms(kinds: str) -> int:
 
 
 def _draw_kinds(s: Sketch, kinds: str, low: int, high: int) -> str:
-    """Draw between `low` and `high` - 1 of the joint kinds; kinds that `kinds` repeats are more likely."""
+    """Draw between `low` and `high` - 1 joint kinds; kinds that `kinds` repeats are more likely."""
     return "".join(s.rng.choice(list(kinds), size=s.rng.integers(low, high)))
 
 

@@ -112,7 +112,7 @@ class Sketch:
         return np.stack([first, second, third])[:n]
 
     def join(self, kind: str, a: str, b: str, point: Array, axes: Array | None = None, *, driven: bool = False) -> None:
-        """Place a joint with given axes, shape (3,) for the first or (n_axes, 3) for all; missing axes are drawn."""
+        """Place a joint with given axes, (3,) for the first axis or (n_axes, 3) for all; missing axes are drawn."""
         axes = self.axes(kind, axes) if axes is None or axes.ndim == 1 else axes
         self.joints.append(Placed(kind, a, b, point, axes, driven))
 
@@ -138,7 +138,7 @@ class Sketch:
 
     @property
     def firsts(self) -> list[int]:
-        """Row of each joint's first coordinate, followed by the number of all coordinates."""
+        """Row of each joint's first coordinate, followed by the total number of coordinates."""
         return [0, *np.cumsum([len(KINDS[joint.kind]) for joint in self.joints]).tolist()]
 
     def tie(self, row: int, *leads: int) -> None:

@@ -1,1 +1,1 @@
-"""Scenes: a mechanism, its motion and the forces acting on it; read from TOML and checked before any engine runs."""
+"""Scenes: a mechanism, its motion and the forces acting on it, read from TOML and checked before any engine runs."""

@@ -43,7 +43,7 @@ def _sentence(scene: Scene, one: Freedom) -> str:
     if one.rests:
         return f"No actuator drives '{one.label}', which has no inertia and is therefore assumed to rest at {at}."
     if scene.grid is not None:
-        return f"No actuator drives '{one.label}': it rests at {at} in each cell and accelerates under the forces."
+        return f"No actuator drives '{one.label}': it is at rest at {at} in each cell, where the forces accelerate it."
     start = f"{at} at {one.rate:.6g} {unit}/s, {'as set in the scene' if one.chosen else 'without momentum along it'}"
     return f"No actuator drives '{one.label}': its motion follows from the forces, starting from {start}."
 
@@ -100,7 +100,7 @@ def _at(mechanism: Mechanism, motion: GivenMotion, applied: Applied) -> ClosedMo
 
 
 def _along(at: ClosedMotion, numbers: tuple[int, ...]) -> tuple[Array, float]:
-    """Return forces along motions that move no actuator, for zero acceleration along them; and the largest force."""
+    """Return forces along motions that move no actuator, assuming no acceleration along them, and the largest force."""
     ydd = at.ydd * ~np.isin(np.arange(at.ydd.shape[1]), numbers)
     still = ClosedMotion(at.loops, at.q, at.yd, ydd, at.applied, at.t)
     unit = at.loops.sizes[at.loops.y_columns]

@@ -28,7 +28,7 @@ BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
 NEWTON, PIECES, FINEST = 8, (1, 8), 64
 #: Number of cells near home that are tried as the first cell.
 FIRST = 20
-NOT_REACHED = "the loops do not close there, or a singular pose lies between this cell and the home pose"
+NOT_REACHED = "the loops do not close in this cell, or a singular pose lies between this cell and the home pose"
 
 
 Closed = tuple[Array, ...]
@@ -203,7 +203,7 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
     for condition, why in conditions:
         for i in np.flatnonzero(~(condition <= SINGULAR)).tolist():
             found[i] = found[i] or f"the pose is singular: {why}"
-    margin = SLACK * sizes  # exclude the limits themselves, where rounding would decide
+    margin = SLACK * sizes  # exclude the limits themselves, where the result would depend on rounding
     for i, k in np.argwhere((q < low + margin) | (q > high - margin)).tolist():
         limits = f"[{low[k]:g}, {high[k]:g}]"
         found[i] = found[i] or f"'{mechanism.coordinates[k]}' is outside its limits {limits}"

@@ -1,4 +1,4 @@
-"""Contacts: joints between bodies and ground that a scene adds to its mechanism for its whole duration."""
+"""Contacts: joints between bodies and ground that are added to the mechanism for the whole scene."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Contact:
 
     @property
     def held(self) -> Array:
-        """Directions of the body that the contact keeps constant, as columns in its frame. Shape (3, n)."""
+        """Directions of the body that the contact keeps fixed, as columns in the frame of the body. Shape (3, n)."""
         return {"weld": np.eye(3), "hinge": self.axis[:, None], "point": np.zeros((3, 1))}[self.kind]
 
     def joint(self, R: Array, p: Array) -> Joint:
@@ -169,7 +169,7 @@ def choose_independent(
 
 
 def _first_of(K: Array, tiers: Iterable[tuple[Sequence[int], float]]) -> list[int]:
-    """Select rows by priority, if a given share of the row is independent of rows already selected. (n, k) -> k."""
+    """Select rows by priority; skip a row unless a given share of it is independent of the selected rows. (n, k)."""
     rest, sizes, chosen = K.copy(), np.linalg.norm(K, axis=1), list[int]()
     for rows, least in tiers:
         for row in rows:

@@ -152,7 +152,7 @@ def _whole(scene: Scene, given: Drive) -> Drive | Followed:
 
 
 def _room(mechanism: Mechanism) -> Array:
-    """Return each independent coordinate's distance from its limits at home [rad or m]; inf beyond them. Shape (k,)."""
+    """Return each independent coordinate's distance from its limits at home [rad or m], inf outside. Shape (k,)."""
     columns = mechanism.independent_columns
     low, high = mechanism.limits[columns].T
     room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])
@@ -163,8 +163,8 @@ def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Foll
     return replace(
         scene,
         name=f"{scene.name}-exciting-{seed}",
-        title=f"{scene.title}, exciting motion of seed {seed}",
-        description=f"{scene.description} An exciting motion (seed {seed}) replaces its given motion.",
+        title=f"{scene.title}, exciting motion with seed {seed}",
+        description=f"{scene.description} An exciting motion (seed {seed}) replaces the given motion.",
         task=drive(t),
         drive=drive,
         text={**scene.text, "motion": tables},
@@ -172,7 +172,7 @@ def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Foll
 
 
 def _sines(rng: np.random.Generator, heights: Array) -> Array:
-    """Draw sines for each coordinate: rows [omega, cos, sin], distinct frequencies, random phases, sum 0 at t = 0."""
+    """Draw sines [omega, cos, sin] for each coordinate: distinct frequencies, random phases, and sum 0 at t = 0."""
     sines = np.empty((len(heights), SINES, 3))
     for rows, height in zip(sines, heights, strict=True):
         cos = np.full(SINES, 2.0)
@@ -326,14 +326,14 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
     """Write the description and its scene into one folder.
 
     Args:
-        text: Content of the description; made from the mechanism by default.
+        text: Content of the description; generated from the mechanism by default.
         force: Replace existing files, whatever their origin.
 
     Returns:
         The paths of the description and the scene.
 
     Raises:
-        OutputError: A file cannot be written, or exists and was edited or was not written by this program.
+        OutputError: A file cannot be written, or an existing file was edited or was not written by this program.
         ScrewgaugeError: No scene can be made.
     """
     if file.suffix != ".toml":

@@ -40,7 +40,7 @@ class Figure:
     contour: str = ""
 
 
-GRID = "take a longer step or a shorter duration"
+GRID = "use a longer step or a shorter duration"
 
 
 def read_times(values: list[Any], where: str) -> Array:
@@ -104,7 +104,7 @@ def read_points(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple
     """Read ``[[points]]``: named points of bodies whose velocities are requested.
 
     Raises:
-        ScrewgaugeError: A body is unknown, or a name is taken.
+        ScrewgaugeError: A body is unknown, or a name is already in use.
     """
     bodies = [body.name for body in mechanism.bodies]
 
@@ -233,7 +233,7 @@ def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str, folder:
 
 
 def as_written(value: Any) -> Any:
-    """Convert tuples, arrays and numpy numbers to the lists and plain numbers of a file."""
+    """Convert tuples, arrays and numpy numbers to lists and plain numbers, as in a file."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, dict):

@@ -1,7 +1,7 @@
 """A grid of poses as a motion: all cells reached from home, each at rest, in an order that keeps the assembly mode.
 
-When a scene is read, cells are reported that no engine could solve because the loops do not close, the pose is
-singular, or a joint exceeds its limits.
+Reading a scene reports the cells that no engine could solve, because the loops do not close, the pose is singular, or a
+joint exceeds its limits.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class GridMotion:
         path: Independent coordinates of the cells along the walk, including backtracking. Shape (p, k).
         reached: Index on the path at which each cell is first reached. Shape (n,).
         missing: Cells without results.
-        freedoms: Coordinates that the grid does not vary and no actuator drives; they rest, but may accelerate.
+        freedoms: Coordinates that the grid does not vary and that no actuator drives; at rest, but free to accelerate.
     """
 
     labels: tuple[str, ...]
@@ -162,7 +162,7 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
 
 
 def _undriven(mechanism: Mechanism, axes: Collection[str]) -> tuple[Freedom, ...]:
-    """Return the coordinates that the grid does not vary and no actuator drives."""
+    """Return the coordinates that the grid does not vary and that no actuator drives."""
     undriven = {*undriven_labels(mechanism)} - {*axes}
     if not undriven:
         return ()

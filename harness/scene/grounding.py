@@ -1,4 +1,4 @@
-"""Attach a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
+"""Attaches a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
 
 Such a scene uses a separate description that extends the given one, so that the engines and the judge treat the
 attachment like any other joint.
@@ -192,7 +192,7 @@ def _stance(mechanism: Mechanism, start: Mapping[str, float], table: Any, where:
         return mechanism.home
     check_home(mechanism)
     q: Array = positions(layout(mechanism), y[None], np.zeros(1))[0]
-    q[mechanism.independent_columns] = y  # undo the rounding by dimensionless unknowns
+    q[mechanism.independent_columns] = y  # undo the rounding caused by dimensionless unknowns
     return q
 
 

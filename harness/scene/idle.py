@@ -60,7 +60,7 @@ class Freedom:
 def read_given(
     table: Any, mechanism: Mechanism, folder: Path, where: str
 ) -> tuple[Analytic | Sampled, Array | None, tuple[str, ...]]:
-    """Read ``[motion]``; return the motion as a function of time, times of a CSV file, and coordinates with a motion.
+    """Read ``[motion]``: the motion as a function of time, the times of its CSV file, and the coordinates it moves.
 
     Raises:
         DescriptionError: The motion cannot be read, or omits coordinates that actuators drive.
@@ -98,7 +98,7 @@ def check_driven(mechanism: Mechanism, labels: Sequence[str], where: str) -> Non
     if len(driven) < len(given):
         names = first_few((f"'{every[k]}'" for k in given if k not in driven), 4)
         raise DescriptionError(
-            f"no actuator drives {names}", where, "remove them from [motion]: their motion follows from the forces"
+            f"no actuator drives {names}", where, "remove them from [motion], because forces determine their motion"
         )
 
 
@@ -130,7 +130,7 @@ class Followed:
         """Return the motion at times [s]. Shape (n,).
 
         Raises:
-            ScrewgaugeError: The motion ends before one of the times, or its file has no sample there.
+            ScrewgaugeError: The motion ends before one of the times, or its file lacks a sample at one of them.
         """
         motion = self.between(t)
         if not isinstance(self.given, Sampled):
@@ -144,7 +144,7 @@ class Followed:
     def between(self, t: Array) -> GivenMotion:
         """Return the motion at times [s], interpolated between the samples of its file."""
         if (early := np.flatnonzero(t < self.since)).size:
-            what = f"coordinates without an actuator start at t = {self.since:g} s"
+            what = f"the motion of coordinates without an actuator starts at t = {self.since:g} s"
             raise DescriptionError(what, "motion", f"remove earlier times, such as {t[early[0]]:g} s")
         return GivenMotion(t, *self._motion(t), self.between, self._motion.idle)
 
@@ -180,13 +180,13 @@ class Followed:
         for k in every:
             if k not in idle and rates.get(k):
                 what = f"'{labels[k]}' has no inertia, so its rate cannot be chosen"
-                raise DescriptionError(what, f"idle.{labels[k]}", "remove the rate: the coordinate rests")
+                raise DescriptionError(what, f"idle.{labels[k]}", "remove the rate, because the coordinate rests")
         return tuple(Freedom(labels[k], k, float(y[0, k]), float(yd[0, k]), k in chosen, k not in idle) for k in every)
 
     @cached_property
     def _motion(self) -> IdleMotion:
         if sampled := [load.body for load in self.applied.loads if load.sampled]:
-            what = f"coordinates without an actuator need the load on '{sampled[0]}' between its samples"
+            what = f"coordinates without an actuator need values of the load on '{sampled[0]}' between its samples"
             raise DescriptionError(
                 what, "loads", "define the load as a function of time, or give all coordinates a motion"
             )

@@ -1,4 +1,4 @@
-"""Reads scene files by the keys defined in ``keys.toml``; a page of the guide is also generated from these keys."""
+"""Reads the tables of scene files as defined in ``keys.toml``, from which a page of the guide is also generated."""
 
 from __future__ import annotations
 

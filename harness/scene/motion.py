@@ -51,7 +51,7 @@ def numbers(values: Any, what: str, where: str) -> Array:
     result = np.array([_number(value) for value in values], dtype=float)
     bad = np.flatnonzero(~(np.abs(result) <= LARGEST))
     if bad.size:
-        raise DescriptionError(f"{what} is not a finite number in data row {bad[0] + 1}", where, "complete the samples")
+        raise DescriptionError(f"{what} has no finite number in data row {bad[0] + 1}", where, "complete the samples")
     return result
 
 
@@ -128,7 +128,7 @@ _STILL = 1e-9  # smallest travel that counts as motion [rad, m, or per s]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Analytic:
-    """Motion by polynomials and harmonics.
+    """Motion given by polynomials and harmonics.
 
     Attributes:
         terms: Polynomial and harmonics of each coordinate.
@@ -182,7 +182,7 @@ class Sampled:
             raise DescriptionError(
                 f"has no sample at t = {t[wrong[0]]:g} s",
                 str(self.file),
-                "use times of the file: samples are not interpolated",
+                "use times in the file: samples are not interpolated",
             )
         return self.samples.part(rows)
 
@@ -197,10 +197,10 @@ class Sampled:
         return GivenMotion(t, y(t), yd(t), CubicSpline(one.t, one.ydd)(t))
 
     def doubts(self, labels: Sequence[str]) -> tuple[str, ...]:
-        """Warn about rates that are not the derivative of their values, e.g. because of wrong units or signs.
+        """Warn about columns of derivatives that do not match the differentiated column, e.g. in units or signs.
 
-        A rate is reported if its integral (trapezoidal rule) deviates from the values by more than half of the larger
-        travel of the two: either units or signs are wrong, or the sampling is too coarse.
+        A column is reported if its integral (trapezoidal rule) deviates from the differentiated column by more than
+        half of the larger travel of the two: either units or signs are wrong, or the sampling is too coarse.
         """
         y, yd, ydd = (x.T for x in (self.samples.y, self.samples.yd, self.samples.ydd))
         sentences, h = [], np.diff(self.samples.t)
@@ -278,7 +278,7 @@ def read_column(path: Path, column: str) -> Samples:
 
 
 def _read_samples(path: Path, labels: list[str]) -> tuple[Drive, Array]:
-    """Read a file with the column t and, for each coordinate x, columns x, xd and xdd of its value and derivatives."""
+    """Read a file with the column t and, for each coordinate x, columns x, xd and xdd: its value and derivatives."""
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"

@@ -151,7 +151,7 @@ def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tupl
 
 
 def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
-    """List the coordinates that exceed their limits in any sample, with the limits. `q`: shape (n, n_q)."""
+    """List the coordinates that exceed their limits in any sample, and these limits. `q`: shape (n, n_q)."""
     low, high = mechanism.limits.T
     beyond = ((q < low) | (q > high)).any(axis=0)
     rows = zip(mechanism.coordinates, low, high, mechanism.units, beyond, strict=True)

@@ -116,7 +116,7 @@ def _read_forces(data: dict[str, Any], mechanism: Mechanism, where: str) -> Appl
 def _grid(
     data: dict[str, Any], sampled: Array | None, tables: Mapping[str, Recorded], applied: Applied, where: str
 ) -> Array:
-    """Return times of a scene with a given motion: of ``[time]``, or else of samples, tables or loads. Shape (n,)."""
+    """Return the times of a given motion from ``[time]`` or, without it, from samples, tables or loads. Shape (n,)."""
     files = [course.t for load in applied.loads for course in load.courses if isinstance(course, Samples)]
     if sampled is None and (known := [table.t for table in tables.values()] or files[:1]):
         sampled = np.unique(np.concatenate(known))

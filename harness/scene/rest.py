@@ -38,7 +38,7 @@ def _at_rest(mechanism: Mechanism, motion: GivenMotion) -> dict[Resistance, NDAr
 
 
 def unique_samples(scene: Scene) -> NDArray[np.bool_]:
-    """Return True for samples at which dry friction leaves no force undetermined; if none, for all. Shape (n,)."""
+    """Return True for samples where dry friction leaves all forces unique, or for all if there are none. Shape (n,)."""
     rests = np.any([np.zeros(len(scene.t), dtype=bool), *at_rest(scene).values()], axis=0)
     return np.asarray(~rests | rests.all())
 

@@ -43,10 +43,10 @@ class Scene:
         mechanism_file: The description from which the mechanism was read; engines ``screw`` and ``truth`` also read it,
             unless the mechanism has been changed since.
         applied: Gravity, loads, springs and motors.
-        task: A given motion, or a start from which the motion is integrated.
+        task: A given motion, or an initial state from which the motion is integrated.
         rule: Rule for redundant actuators.
         tolerances: Quantity -> scaled tolerance, for quantities whose default the scene changes.
-        models: Engine -> model file that replaces the generated one.
+        models: Engine -> model file that replaces the generated file.
         figures: Figures of the report.
         allow: Allowed differences between model files and the description (``coupler.inertia``), unread files
             (``models.mujoco.unread``), and unphysical inertia tensors (``wrist.triangle``).
@@ -220,14 +220,14 @@ class Scene:
         return replace(self, applied=replace(self.applied, **given))
 
     def with_(self, changes: Mapping[str, Any]) -> Scene:
-        """Return a copy of the scene with changed numbers of its mechanism and of the forces acting on it.
+        """Return a copy of the scene with different numbers for its mechanism and the forces acting on it.
 
         Names are paths in a description, such as ``bodies.coupler.mass`` or ``joints.left.parent.x``; unique short
         forms, such as ``coupler.mass``; or patterns, such as ``*.mass``. If placements change, the home pose keeps its
         assembly mode and the values of its independent coordinates.
 
         Args:
-            changes: Name or pattern -> number, or string in which x is the present value: ``"1.01 x"``, ``"x +
+            changes: Name or pattern -> number, or string in which x is the current value: ``"1.01 x"``, ``"x +
                 0.002"``.
 
         Raises:
@@ -253,7 +253,7 @@ class Scene:
 
         Args:
             wanted: Names of quantities.
-            engine: Name of the engine that solves the problem, see `acting_on`; by default any engine.
+            engine: Name of the engine that solves the problem, see `acting_on`; by default no particular engine.
         """
         applied = self.acting_on(engine)
         return Problem(applied, self.task, frozenset(wanted), self.rule, self.wording(), self.points)

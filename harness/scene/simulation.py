@@ -32,8 +32,8 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         The layout of the mechanism, and warnings to show.
 
     Raises:
-        ScrewgaugeError: The loops do not close at the home pose or at the start, the start exceeds a limit, or no force
-            can move a coordinate.
+        ScrewgaugeError: The loops do not close at the home pose or at the start, the start exceeds a limit, or the
+            inertia matrix is singular.
     """
     lay, task, mechanism = check_home(scene.mechanism), scene.start, scene.mechanism
     if len(task.grid) < 2:
@@ -75,7 +75,7 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
 def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
     """Return the fastest eigenvalue at the start [1/s]; 0 if the loops do not close near the start.
 
-    Dry friction is omitted, because it jumps at rest.
+    Dry friction is omitted, because it is discontinuous at rest.
     """
     smooth = without_resistance(lay.mechanism, "friction")
     lay = lay if smooth is lay.mechanism else layout(smooth)
