@@ -38,7 +38,7 @@ def run(
 
     Args:
         engines: Names of engines, optionally with a number type as in ``screw@float32``; by default as in the scene.
-        quantities: Names of the only quantities to compute; by default as in the scene.
+        quantities: Names of the quantities to compute; by default as in the scene.
         progress: Called during the work with the name of a step and its completed share, 0 to 1.
         warn: Called with a warning before a step that may take long or fail.
         limits: Run each engine in its own process under these limits, as the command line does; an engine that crashes
@@ -223,7 +223,7 @@ def compile(
     """Compile a fast function for the inverse dynamics of a scene.
 
     Args:
-        quantities: Names of the only quantities to compute; by default as in the scene.
+        quantities: Names of the quantities to compute; by default as in the scene.
         backend: ``llvm`` (extra ``fast``) or ``numpy``.
         threads: Number of parallel threads; must be 1 if `parameters` are given.
         parameters: Numbers of the machine, by name or pattern as in `Scene.with_`, that become additional inputs.

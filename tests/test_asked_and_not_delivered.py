@@ -13,7 +13,7 @@ from support.scene import GivenMotion
 from support.stress import CASES, REFUSED
 
 QUANTITIES = ["joint_position", "joint_velocity", "generalized_force", "actuator_force"]
-SAID = "does not give generalized_force, actuator_force, although requested"
+SAID = "did not return the requested generalized_force, actuator_force"
 
 
 def only(*names: str, of: str = "3ups-upu-s"):
@@ -64,7 +64,7 @@ def test_a_simulation_without_all_joint_motions_is_no_agreement(given, stand_in)
     results = screwgauge.run(load_scene("a01-pendulum").at([0.0, 0.1]), engines=["screw", "mujoco"])
     assert results.exit_status == 1
     assert not results.pairs["ok"].all()
-    assert "mujoco: does not give " in " ".join(repr(results).split())
+    assert "mujoco: did not return the requested " in " ".join(repr(results).split())
 
 
 def test_observables_alone_need_joint_positions_alone_and_rates_to_be_judged(stand_in):
@@ -104,7 +104,7 @@ def test_the_bench_has_rows_that_say_so(stand_in):
     scene = load_scene("3ups-upu-s").at([0.0, 0.5])
     rows = bench(scene, plan=replace(QUICK, rounds=1, samples=2), contestants=["mujoco-path"]).rows
     assert {row.status for row in rows} == {"failed"}
-    assert [row.reason for row in rows if "although requested" not in row.reason] == []
+    assert [row.reason for row in rows if "did not return the requested" not in row.reason] == []
 
 
 def test_a_stress_case_has_rows_that_say_so(stand_in, tmp_path: Path):
@@ -114,21 +114,21 @@ def test_a_stress_case_has_rows_that_say_so(stand_in, tmp_path: Path):
     found = list(findings(replace(question, methods=(Method("mujoco"),))))
     assert found
     assert {one.verdict for one in found} == {REFUSED}
-    assert all("although requested" in one.reason for one in found)
+    assert all("did not return the requested" in one.reason for one in found)
 
 
 def test_a_stream_stops_there(stand_in):
     stand_in(mujoco=only("joint_position"))
     scene = load_scene("3ups-upu-s")
     assert isinstance(scene.task, GivenMotion)
-    with pytest.raises(ScrewgaugeError, match="mujoco fails: does not give actuator_force"):
+    with pytest.raises(ScrewgaugeError, match="mujoco failed: did not return the requested actuator_force"):
         next(screwgauge.stream(scene, [scene.t[:2]], engine="mujoco", quantities=["actuator_force"]))
 
 
 def test_a_method_that_leaves_out_fails(stand_in, scene):
     stand_in(mujoco=only("joint_position"))
     found = put(Method("mujoco"), model_files("3ups-upu-s", "mujoco"), scene.problem(QUANTITIES))
-    assert found.reason.endswith("does not give joint_velocity, generalized_force, actuator_force, although requested")
+    assert found.reason.endswith("did not return the requested joint_velocity, generalized_force, actuator_force")
 
 
 @pytest.mark.parametrize("how", [SystemExit(0), SystemExit("enough")])

@@ -132,7 +132,7 @@ def test_a_run_names_what_the_installed_engines_show_of_a_difference(touches, gr
         scene = replace(scene, models={"mujoco": tmp_path / "slider-crank.xml"})
     results = screwgauge.run(scene, engines=("screw", "mujoco"))
     assert results.ok is (gravity is None)
-    told = f"Known of mujoco {version('mujoco')}: "
+    told = f"Known issue of mujoco {version('mujoco')}: "
     assert [text.startswith(told) and text.endswith(f"(casebook: {case.id}).") for text in results.known] == [
         True
     ] * named

@@ -145,7 +145,7 @@ def test_tasks_have_limits_of_time_and_memory_and_engines_processes_of_their_own
     endless = rows([Task("endless", support.endless)], Cluster(local, Limits(seconds=1.0)))
     greedy = rows([Task("greedy", support.greedy)], Cluster(local, Limits(memory=1.0)))
     assert "endless: stopped at the time limit of 1 s" in endless[0]["lost"]
-    assert "greedy: needs more than 1 GB" in greedy[0]["lost"]
+    assert "greedy: needs more memory than the limit of 1 GB" in greedy[0]["lost"]
     assert rows([Task("run", support.limited_run)], Cluster(local)) == [{"ok": True, "failures": []}]
 
 
@@ -194,7 +194,7 @@ def test_a_worker_that_has_not_the_same_file_is_refused(content, tmp_path, monke
     file = tmp_path / "a.txt"
     if content is not None:
         file.write_text(content)
-    with pytest.raises(DescriptionError, match=r"a\.txt: is missing or different"):
+    with pytest.raises(DescriptionError, match=r"a\.txt: is missing or differs"):
         study._with_files(partial(support.reads, "a.txt"), str(tmp_path), {str(file): "digest"}, lambda *said: None)
 
 
@@ -215,14 +215,14 @@ def test_an_address_at_which_no_scheduler_answers_is_refused(where, tmp_path):
     if where.startswith("{"):
         (tmp_path / "scheduler.json").write_text(where)
         where = str(tmp_path / "scheduler.json")
-    with dask.config.set({study.ANSWER: "0.1s"}), pytest.raises(DescriptionError, match=r"no scheduler answers \(\w"):
+    with dask.config.set({study.ANSWER: "0.1s"}), pytest.raises(DescriptionError, match=r"no scheduler responds \(\w"):
         rows(tasks(1), Cluster(where))
 
 
 def test_a_scheduler_that_must_be_reached_by_tls_is_not_reached_without(local):
     with (
         dask.config.set({"distributed.comm.require-encryption": True}),
-        pytest.raises(DescriptionError, match=r"no scheduler answers .*encryption required"),
+        pytest.raises(DescriptionError, match=r"no scheduler responds .*encryption required"),
     ):
         rows(tasks(1), Cluster(local))
 

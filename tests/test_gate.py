@@ -98,7 +98,7 @@ def test_digits_that_a_file_is_cut_to_are_admitted_and_no_more(theirs):
     edited(theirs / "four-bar.xml", lambda text: cut(text.replace('mass="1.2"', 'mass="1.20000000"')))
     found = screwgauge.check("turn.toml")
     assert found.ok, found
-    assert any("6 digits of four-bar.xml" in one.reason for one in found.rows[0].errors)
+    assert any("6 digits in four-bar.xml" in one.reason for one in found.rows[0].errors)
     assert "wider than usual" in found.rows[0].sentence
     edited(theirs / "four-bar.xml", lambda text: text.replace('mass="1.2"', 'mass="1.20002"'))
     assert not screwgauge.check("turn.toml").ok

@@ -145,7 +145,7 @@ def loose(*arguments, **sizes):
 @pytest.mark.parametrize(
     ("room", "name", "instead", "said"),
     [
-        (comparing, "_components", scaled(1e-3), "was compared as"),
+        (comparing, "_components", scaled(1e-3), "was found as"),
         (Allowance, "granted", loose, "passes a tolerance of"),
         (
             comparing,

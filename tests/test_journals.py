@@ -43,7 +43,7 @@ def test_another_address_starts_afresh_and_says_so(tmp_path):
     Journal(tmp_path, "old").keep("a", {})
     fresh = Journal(tmp_path, "new")
     assert not fresh.results
-    assert "have changed" in fresh.note
+    assert "has changed" in fresh.note
     assert not Journal(tmp_path, "old").results
 
 

@@ -152,7 +152,9 @@ def test_a_load_on_the_other_body_is_reversed():
     assert {*faults} == {("reversed", "load on platform")}
 
 
-@pytest.mark.parametrize(("centred", "of"), [(False, "mean of samples before"), (True, "mean of samples around")])
+@pytest.mark.parametrize(
+    ("centred", "of"), [(False, "mean of preceding samples"), (True, "mean of surrounding samples")]
+)
 def test_a_moving_mean_is_told_with_its_samples(centred, of):
     scene = scene_of("delta")
     table = right(scene, "actuator_force").rolling(7, min_periods=1, center=centred).mean().iloc[6:-6]

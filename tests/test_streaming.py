@@ -78,7 +78,7 @@ def test_a_part_that_cannot_be_solved_is_named_after_those_that_can(monkeypatch)
     monkeypatch.setattr(streaming, "solve", solve)
     parts = stream(screwgauge.load_scene("3ups-upu-s"), times(20, 0.1, part=10))
     assert next(parts)[1] == "solved"
-    with pytest.raises(ScrewgaugeError, match=r"t = 1 to 1\.9 s: screw fails: .* cannot close"):
+    with pytest.raises(ScrewgaugeError, match=r"t = 1 to 1\.9 s: screw failed: .* cannot close"):
         next(parts)
 
 

@@ -1,4 +1,4 @@
-"""Addresses: digests of everything that affects the result of a computation. Stored results are found by address."""
+"""Addresses: digests of all that affects the result of a computation. Stored results are looked up by address."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def address(*parts: Any, files: Iterable[Path] = ()) -> str:
     """Compute the digest that identifies a computation.
 
     Args:
-        parts: The question: strings, numbers, and tables of strings and numbers.
-        files: All files opened for the computation, including files that they include or name.
+        parts: Inputs of the computation: strings, numbers, and tables of strings and numbers.
+        files: All files opened for the computation, including files that they refer to.
     """
     return digest_of(_machine(), versions(), _installed(), parts, [[str(file), _digest(file)] for file in files])
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that affect results, and digests of this package's code and of external engines."""
+    """Return the package versions that affect results, and digests of this package's code and of external engines."""
     packages = dict(_machine()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
     for name in PACKAGES:
         try:
@@ -63,7 +63,7 @@ def _code() -> str:
 
 @cache
 def _engines() -> dict[str, str]:
-    """Return external engine -> version, and a digest of the files of its distribution and of its module.
+    """Return external engine -> its version and a digest of the files of its distribution and module.
 
     The module is located without importing it.
     """

@@ -1,7 +1,7 @@
 """Reduction of engines' answers to plain data, which consist only of numbers and strings.
 
-Engines of other packages may return anything. `plain_answer` lets only plain data through, which need no further checks
-before they are compared, judged and shown, so that a bad answer affects only its own row.
+Engines of other packages may return anything. `plain_answer` returns plain data that can be compared, judged and shown
+without further checks, so that a bad answer affects only its own row.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Error, Failure, Solution, Timing, Values
 
-TRACE = 20_000  # number of characters kept from the end of a traceback
+TRACE = 20_000  # largest number of characters of a traceback
 LONG, SHORT, MOST = 2000, 200, 100  # largest length of a note and of a name; largest number of notes and of timings
 
 
 def plain_answer(answer: object, n: int) -> Solution:
-    """Reduce an answer with n samples to plain data; truncate long strings, with a remark.
+    """Check an answer with n samples and reduce it to plain data; truncate long strings, and mark them as truncated.
 
     Raises:
         TypeError, ValueError: The answer is malformed; the message names the fault.
@@ -50,7 +50,7 @@ def plain_answer(answer: object, n: int) -> Solution:
 
 
 def plain_failure(failed: Failure) -> Failure:
-    """Return a failure whose strings are truncated to the lengths used in this package."""
+    """Truncate the strings of a failure to the lengths that this package allows."""
     limits = {"engine": SHORT, "reason": 2 * LONG, "traceback": TRACE}
     return Failure(**{name: truncate(getattr(failed, name), most) for name, most in limits.items()})
 
@@ -95,7 +95,7 @@ def _values(name: str, values: object, n: int) -> Values:
         raise TypeError(f"{name} is of type {type(values).__name__}, not Values")
     array = _numbers(name, values.array, (None, None))
     if len(array) != n:
-        raise ValueError(f"{name} has {len(array)} samples for {n} times")
+        raise ValueError(f"{name} has {len(array)} samples, not one for each of {n} times")
     components, units = (_names(name, texts) for texts in (values.components, values.units))
     if len({*components}) < len(components):
         raise ValueError(f"two components of {name} have the same name")
@@ -108,7 +108,7 @@ def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
 
 def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
     """Check that an array contains real numbers and has a given shape, in which None stands for any length."""
-    if type(array) is not np.ndarray:  # e.g. a masked array, in which some numbers do not count
+    if type(array) is not np.ndarray:  # e.g. a masked array, in which some numbers are invalid
         raise TypeError(f"{what} is of type {type(array).__name__}, not an array of numbers")
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{what} is an array of {array.dtype.name}, not of real numbers")
@@ -119,7 +119,7 @@ def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
 
 
 def _sizes(what: str, array: object, n: int) -> Array:
-    """Check that an array has a non-negative number or NaN for each sample."""
+    """Check that an array contains a non-negative number or NaN for each sample."""
     sizes = _numbers(what, array, (n,))
     if (sizes < 0.0).any():
         raise ValueError(f"{what} has negative numbers")
@@ -127,14 +127,14 @@ def _sizes(what: str, array: object, n: int) -> Array:
 
 
 def _size(what: str, number: Any) -> float:
-    """Check a non-negative number."""
+    """Convert a number to float; reject NaN and negative numbers."""
     if not (size := float(number)) >= 0.0:
-        raise ValueError(f"{what} is {size}, which is not a non-negative number")
+        raise ValueError(f"{what} must be a non-negative number, not {size}")
     return size
 
 
 def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
-    """Check the error estimate of a quantity whose values have a given shape."""
+    """Check the error estimate of a quantity. `shape`: shape of the quantity's values."""
     if not isinstance(error, Error):
         raise TypeError(f"the error of {name} is of type {type(error).__name__}, not Error")
     radius, condition, what = error.radius, error.condition, f"of {name}"
@@ -171,6 +171,6 @@ def _cost(cost: object) -> Cost:
 
 
 def declared_lacks(model: EngineModel, engine: Engine | None) -> dict[str, str]:
-    """Return quantity -> reason for quantities that an engine, or its loaded model, declares not to compute."""
+    """Return quantity -> reason, for quantities that an engine or its loaded model declares it does not compute."""
     lacks = {**(engine.lacks if engine else {}), **dict(_items("lacks", getattr(model, "lacks", {})))}
     return {name: truncate(why, LONG) for name, why in lacks.items()}

@@ -1,8 +1,8 @@
-"""Calls of external code in a fork of this process that ends with the call and returns only plain data.
+"""Calls of external code in a fork of this process; the fork ends with the call and returns only plain data.
 
-Whatever the code prints, patches, changes, starts or breaks stays in the fork. The answer is read by an
-unpickler that accepts only types of numbers and strings, so that no code from the answer is run. Only workers fork,
-because their threads wait and hold no lock. Other processes ask a worker, see `isolation`.
+Whatever the code prints, patches, changes, starts or breaks, only the fork is affected. The answer is read by an
+unpickler that accepts only numbers, strings and their containers, so that no code from the answer is run. Only workers
+may fork, because their other threads just wait and hold no locks. Other processes call a worker, see `isolation`.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _PLAIN = {(solution.__name__, name) for name in ("Cost", "Error", "Failure", "So
 #: Names with which numpy 1 and 2 pickle arrays of numbers.
 _PLAIN |= {("numpy", "dtype"), ("numpy", "ndarray")}
 _PLAIN |= {(f"numpy.{core}.multiarray", "_reconstruct") for core in ("core", "_core")}
-PRINTED = 2000  # number of characters kept from the end of the output, for the end of a traceback
+PRINTED = 2000  # number of bytes kept from the end of the output, where a traceback ends
 _ANSWER, _SAID = "answer", "printed"
 _RETURNED, _MEMORY = "returned", "memory"
 
 
 class CrashedError(Exception):
-    """Raised if a call ended its process, or did not return plain data. Notes contain the output of the call."""
+    """Raised if a call terminated its process or did not return plain data. Notes contain the output of the call."""
 
 
 def call_in_fork(call: Callable[[], object]) -> tuple[Any, str]:
@@ -90,7 +90,7 @@ def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) ->
 
 
 def _call(call: Callable[[], object]) -> tuple[str, Any]:
-    """Call a function; return the kind of its outcome, and the result or the data of its error."""
+    """Call a function; return the kind of outcome, and either the result or the data of the error."""
     try:
         return _RETURNED, call()
     except MemoryError:

@@ -1,8 +1,8 @@
-"""Execution of tasks on a Dask cluster, which queues tasks, reassigns tasks of a dead worker, and supports TLS.
+"""Execution of tasks on a Dask cluster, which queues tasks, reassigns the tasks of dead workers, and supports TLS.
 
-A worker runs each task in a separate process, like `Processes`: a crash or a limit affects only one row. The journal of
-a command keeps each row that arrives. If the scheduler ends, so does the command; when rerun, the command resumes from
-its journal. See ``harness/guide/cluster.md``. Dask is imported only when a cluster is used.
+Like `Processes`, a worker runs each task in a separate process, so that a crash or an exceeded limit affects only one
+row. The journal of a command stores each row as it arrives. If the scheduler stops, so does the command; when rerun, it
+resumes from its journal. See ``harness/guide/cluster.md``. Dask is imported only when a cluster is used.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 TICK = 0.1  # time between checks for results [s]
-#: Dask's settings for the longest response time of a scheduler, and for the longest time without a worker.
+#: Names of Dask's settings for the timeout of a scheduler's response, and for the longest time without workers.
 ANSWER, WORKERS = "distributed.comm.timeouts.connect", "distributed.scheduler.no-workers-timeout"
 PATIENCE = "60s"  # default of `WORKERS`
 AGAIN = "and run the same command again; it resumes from the existing rows"
@@ -43,7 +43,7 @@ class Cluster:
     """Executor of tasks on a Dask cluster.
 
     Attributes:
-        where: Address of the scheduler, or the file that the scheduler wrote.
+        where: Address of the scheduler, or path of the file that the scheduler wrote.
         limits: Time and memory limits of each task.
 
     Raises:
@@ -74,7 +74,7 @@ class Cluster:
     def _run(self, client: Client, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
         """Run tasks together; rerun tasks whose workers died, one at a time.
 
-        Dask blames every task that a dead worker had; only a task that runs alone is known to kill its worker.
+        Dask blames a worker's death on all of its tasks; only a task that ran alone has certainly killed its worker.
         """
         from distributed import KilledWorker
 
@@ -116,7 +116,7 @@ class Cluster:
 
         Raises:
             OutputError: The cluster had no worker for too long.
-            OSError: The scheduler did not answer.
+            OSError: The scheduler did not respond.
         """
         import dask
         from dask.utils import parse_timedelta
@@ -148,7 +148,7 @@ def executor(jobs: int | None, cluster: str | None, limits: isolation.Limits | N
 
     Args:
         jobs: Number of parallel processes.
-        cluster: Address of a Dask scheduler, or the file that the scheduler wrote.
+        cluster: Address of a Dask scheduler, or path of the file that the scheduler wrote.
         limits: Limits of each task; without limits, tasks run in this process, unless several run in parallel.
     """
     if cluster is not None:
@@ -159,16 +159,16 @@ def executor(jobs: int | None, cluster: str | None, limits: isolation.Limits | N
 
 
 def _address(where: str) -> str:
-    """Return the address of a scheduler, checked to respond: a Dask client that cannot connect hangs.
+    """Return the address of a scheduler after checking that it responds: a Dask client that cannot connect hangs.
 
     Raises:
-        DescriptionError: No scheduler responds, or Dask's configuration and the scheduler differ in TLS.
+        DescriptionError: No scheduler responds, or only one of Dask's configuration and the scheduler uses TLS.
     """
     from distributed import Security
     from distributed.comm import connect
 
     remedy = (
-        "start it, and pass its address, such as tcp://127.0.0.1:8786, or the file of dask scheduler --scheduler-file"
+        "start one; pass its address, such as tcp://127.0.0.1:8786, or the file from dask scheduler --scheduler-file"
     )
     address = read_json(Path(where), "file of a scheduler", remedy).get("address") if is_file(Path(where)) else where
 
@@ -178,7 +178,7 @@ def _address(where: str) -> str:
     try:
         asyncio.run(answer())
     except (OSError, ValueError, TypeError, RuntimeError) as error:
-        raise DescriptionError(f"no scheduler answers ({_line(error)})", where, remedy) from None
+        raise DescriptionError(f"no scheduler responds ({_line(error)})", where, remedy) from None
     return str(address)
 
 
@@ -202,7 +202,7 @@ def _compare(here: Mapping[str, str], there: Mapping[str, str], machine: str) ->
 
 
 def _result(future: Future, timeout: str) -> Any:
-    """Return the result of a finished task, or the error that its workers were killed.
+    """Return the result of a finished task, or the error `KilledWorker` if its workers were killed.
 
     Raises:
         ScrewgaugeError: The task raised this error, or the worker cannot run it.
@@ -223,10 +223,10 @@ def _result(future: Future, timeout: str) -> Any:
 
 
 def on_worker(name: str, work: Callable[[Progress], Any], limits: isolation.Limits, expected: Mapping[str, str]) -> Any:
-    """Run a task on a worker, in a separate process that belongs to this thread.
+    """Run a task on a worker, in a separate process reserved for this thread.
 
     Args:
-        expected: Versions that this machine must have, see `versions`; workers may join at any time.
+        expected: Versions required on this machine, see `versions`; checked here because workers may join at any time.
 
     Raises:
         DescriptionError: Versions on this machine differ from the expected ones.
@@ -246,13 +246,13 @@ def _with_files(work: Callable[[Progress], Any], home: str, files: Mapping[str, 
         files: Absolute path -> digest on the client.
 
     Raises:
-        DescriptionError: A file is missing, or has different content than on the client.
+        DescriptionError: A file is missing, or differs from the client's copy.
     """
     with suppress(OSError):
         os.chdir(home)
     for path, content in files.items():
         if not is_file(Path(path)) or digest(Path(path)) != content:
-            what = f"is missing or different on the worker {platform.node()}"
+            what = f"is missing or differs on the worker {platform.node()}"
             raise DescriptionError(what, path, "share the folder with all workers")
     return work(progress)
 

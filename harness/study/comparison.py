@@ -1,4 +1,4 @@
-"""The result of a run: solutions, comparisons, judgements, and the files that they are based on. `run` creates it."""
+"""Result of a run, created by `run`: solutions, comparisons, judgements, and the files that they are based on."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Comparison:
     """Solutions of one scene, compared in pairs and judged individually.
 
     Attributes:
-        solutions: Engine -> its solution, in the order of the given names.
+        solutions: Engine -> its solution, in the order in which the engines were requested.
         failures: Engine -> its failure, with the reason.
         errors: One row per component pair: quantity, component, unit, a, b, max_abs, rms, max_scaled, scale, worst_t,
             rule, unique, tolerance, ok. For components without a unique value, tolerance and ok are empty.
@@ -52,7 +52,7 @@ class Comparison:
             worst_t, tolerance, ok, reason.
         remarks: Sentence about the scene -> `DOUBT`, `UNREAD` or an empty string.
         freedoms: Counts of the degrees of freedom.
-        provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
+        provenance: Judged files, date and schema, see `screwgauge.study.comparison.provenance`.
         refusals: Samples at which an engine returns no value, with the reason.
         left_out: Forces that files contain but no engine includes.
         review: Function that computes `reviews` on demand.
@@ -90,12 +90,12 @@ class Comparison:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Name -> value, for versions and machine."""
+        """Name -> value, for software versions and the machine."""
         return environment()
 
     @property
     def mobility(self) -> dict[str, Any]:
-        """Name -> value, for counts of the mechanism (mobility, rank, redundancy), and which forces are unique."""
+        """Name -> value: mobility, rank and redundancy of the mechanism, and which of its forces are unique."""
         counts = self.freedoms
         return {
             "moving bodies": counts.bodies,
@@ -116,13 +116,13 @@ class Comparison:
 
     @cached_property
     def known(self) -> list[str]:
-        """Sentences about named discrepancies of the engines that explain results out of tolerance."""
+        """Sentences about known discrepancies of the engines that may explain results out of tolerance."""
         bad = self.pairs[~self.pairs["ok"].astype(bool)]
         wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*self.solutions} & {*ENGINES}}
         sentences = []
         for case in suspects(wrong, {*self.pairs["quantity"]} - wrong, packages) if wrong else ():
             symptom, engines = case.sentence.rstrip("."), case.named(installed_versions(case) or ())
-            sentences.append(f"Known of {engines}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.id}).")
+            sentences.append(f"Known issue of {engines}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.id}).")
         return sentences
 
     @cached_property
@@ -172,7 +172,7 @@ class Comparison:
 
     @property
     def differences(self) -> pd.DataFrame:
-        """Rows of pairs out of tolerance by more than the engines' error estimates; missing values do not count."""
+        """Rows of pairs out of tolerance by more than the engines' error estimates; missing values are ignored."""
         rows = self.compared
         lost = np.array([self._is_refused(row) for row in rows.to_dict("records")], dtype=bool)
         return rows[~rows["ok"].astype(bool) & ~(rows["undecided"] > 0) & ~lost]
@@ -196,7 +196,7 @@ class Comparison:
 
     @property
     def mismatches(self) -> dict[str, str]:
-        """Key -> sentence, for differences between model files and the description that the scene does not allow."""
+        """Key -> sentence, for differences between model files and description, unless the scene allows them."""
         found = (each for solution in self.solutions.values() for each in solution.otherwise if each.physical)
         return {each.key: each.sentence for each in found if each.key not in self.scene.allow}
 
@@ -208,7 +208,7 @@ class Comparison:
 
     @property
     def alone(self) -> Iterator[tuple[str, list[str]]]:
-        """Pairs of an engine and its quantities that were not compared with a different engine."""
+        """Engines, each with the names of its quantities that were not compared with a different engine."""
         seen = {(row[side], row["quantity"]) for row in self.pairs.to_dict("records") for side in "ab"}
         unique = {name: {*components} for name, components in self.not_unique.items()}
         for engine, solution in self.solutions.items() if len(self.solutions) > 1 else ():
@@ -219,7 +219,7 @@ class Comparison:
 
     @property
     def apart(self) -> tuple[str, ...]:
-        """Quantities that several engines compute, not all of which were compared, e.g. forces of different trees.
+        """Quantities that several engines compute, but that were not compared for all of them, e.g. tree forces.
 
         Empty if the user chose no quantities, so that all available quantities were requested.
         """
@@ -283,10 +283,10 @@ class Comparison:
         return self.quantity(quantity, engine).array
 
     def radius(self, quantity: str, engine: str | None = None) -> Array:
-        """Return the rigorous radius of the truth, the largest possible distance between true value and exact midpoint.
+        """Return the rigorous radius of the truth: the largest possible distance of a true value from the midpoint.
 
-        The values themselves are the midpoints rounded to doubles. The radius is NaN at samples that the truth did not
-        solve.
+        The values themselves are the midpoints rounded to doubles. The radius is NaN at samples that the engine `truth`
+        did not solve.
 
         Returns:
             Shape (n_sample, n_component).

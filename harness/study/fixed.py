@@ -33,7 +33,7 @@ def _moving_components(values: Values, held: set[str]) -> tuple[str, ...]:
 
 
 def with_fixed(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, Values]:
-    """Return values including the coordinates of fixed joints, which are zero, if an engine or a table omits them."""
+    """Add the coordinates of fixed joints, which are zero, to values from which an engine or a table omits them."""
     held = [name for name in mechanism.coordinates if name not in mechanism.moving]
     return {name: _fill(name, has, held, mechanism.coordinates) if held else has for name, has in values.items()}
 

@@ -1,8 +1,8 @@
 """Processes forked from one server that has already imported the common modules.
 
 The server starts with the first process, imports only `NEEDED`, and ends with the last process. The server of
-`multiprocessing.get_context` is not used, because it has imported the main script of its first caller; nor do processes
-run the main script of their caller again.
+`multiprocessing.get_context` is not used, because it has imported the main script of its first caller. The processes do
+not import the main script of their caller either.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _close(*files: int) -> None:
 
 
 class _Popen(popen_forkserver.Popen):
-    """Process started like in the base class, but from `_SERVER` and without the main script."""
+    """Process started as in the base class, but from `_SERVER` and without the main script."""
 
     _fds: list[int]
 

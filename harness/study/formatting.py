@@ -107,12 +107,12 @@ def words(name: str) -> str:
 
 
 def tick(ok: Any) -> str:
-    """Return a mark and a word for a status, which do not depend on colour or font."""
+    """Return a mark and a word for a status, so that it is legible without colours or special fonts."""
     return "✓ ok" if bool(ok) else "✗ no"
 
 
 def file_name(title: str) -> str:
-    """Convert a title to a file name: in lower case, with hyphens between words, short enough for any file system."""
+    """Convert a title to a lower-case, hyphenated file name that is short enough for any file system."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
 
 

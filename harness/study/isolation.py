@@ -1,4 +1,4 @@
-"""Isolation of jobs in separate processes, so that a job that crashes or hangs loses only its own result."""
+"""Isolation of jobs in separate processes, so that only the result of a job is lost if it crashes or hangs."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _worker = False
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of an engine in its own process.
+    """Limits for an engine that runs in its own process.
 
     Attributes:
         seconds: Time from start to answer, including loading [s].
@@ -90,21 +90,22 @@ def run_isolated(
     lanes: Sequence[str] = (),
     keep: Callable[[str, T | Failure], None] = lambda name, result: None,
 ) -> dict[str, T | Failure]:
-    """Run jobs in parallel, with one worker process per name, or as many processes as there are lanes.
+    """Run jobs in parallel, each in a worker process of its own name, or in one process per lane.
 
     Args:
-        works: Name -> job, which can be pickled, and takes a function for the completed share and an optional step.
+        works: Name -> job. A job can be pickled; it is called with a function to which it passes its completed share
+            and an optional step.
         report: Called with the names of the running jobs, and the completed share of all jobs.
         lanes: Names of processes, each of which runs jobs in sequence. A job whose process was killed from outside is
             run again, at most `AGAIN` times.
         keep: Called with each result as soon as it is available.
 
     Returns:
-        The result of each job, or a failure if it crashed or met a limit, in the order of the jobs; a failure names the
-        last step that the job reported.
+        The result of each job, or a failure if it crashed or exceeded a limit, in the order of the jobs; a failure
+        names the last step that the job reported.
 
     Raises:
-        ScrewgaugeError: A job raised this error, and all other jobs were stopped; or `limits` is not a `Limits`.
+        ScrewgaugeError: A job raised this error, so that all other jobs were stopped; or `limits` is not a `Limits`.
     """
     if not isinstance(limits, Limits):
         raise DescriptionError(
@@ -127,12 +128,12 @@ def run_isolated(
 
 
 class _Jobs(Generic[T]):
-    """Jobs that wait, run or are done.
+    """Waiting, running and finished jobs.
 
     Attributes:
-        running: Name of each running job, its process and start time.
+        running: Future -> name of a running job, name of its process, and start time.
         free: Names of idle processes, if there are lanes.
-        killed: Number of times that the process of each job was killed from outside.
+        killed: Name of a job -> number of times that its process was killed from outside.
     """
 
     def __init__(
@@ -242,7 +243,7 @@ def _run_within(
 
     Args:
         end: Time after which the process ends itself [s].
-        home: Current folder of the parent at submission, from which relative paths of the job start.
+        home: Current folder of the parent at submission, to which relative paths of the job refer.
     """
     os.chdir(home)
     faulthandler.disable()
@@ -257,7 +258,7 @@ def _run_within(
         try:
             return work(partial(_say, file))
         except MemoryError:
-            return Failure(name, f"needs more than {limits.memory:.3g} GB of memory, the limit; --memory changes it")
+            return Failure(name, f"needs more memory than the limit of {limits.memory:.3g} GB; --memory changes it")
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
 
@@ -282,22 +283,22 @@ def _executor() -> ProcessPoolExecutor:
     """Start a process that waits for jobs.
 
     Raises:
-        ScrewgaugeError: The system has no room for semaphores of the process, or lacks /proc, which is needed to end
-            it.
+        ScrewgaugeError: The system has no space for the semaphores of the process, or lacks /proc, which is needed to
+            terminate it.
     """
-    remedy = "mount it as usual, or call screwgauge.run from Python, which starts no processes"
+    remedy = "mount it as usual, or call screwgauge.run from Python, which does not start processes"
     if sys.platform == "linux" and not os.path.exists("/proc/self/stat"):
-        raise ScrewgaugeError("is missing, but is needed to watch and end processes", "/proc", remedy)
+        raise ScrewgaugeError("is missing, but is needed to monitor and terminate processes", "/proc", remedy)
     try:
         return ProcessPoolExecutor(
             max_workers=1, timeout=IDLE, context=Forks(), initializer=_begin, initargs=(lifeline(), {**os.environ})
         )
     except OSError as error:
-        raise ScrewgaugeError(f"has no room for semaphores of processes ({why(error)})", "/dev/shm", remedy) from None
+        raise ScrewgaugeError(f"has no space for more semaphores ({why(error)})", "/dev/shm", remedy) from None
 
 
 def _stop(name: str) -> None:
-    """End the process with a given name, whatever it is doing."""
+    """Terminate the process with a given name, whatever it is doing."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # loky warns if it cannot list the children of the process
         _EXECUTORS.pop(name).shutdown(kill_workers=True)
@@ -327,7 +328,7 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
 
 
 def _ending(message: str) -> str:
-    """Return how a process ended, as described in a message by loky."""
+    """Describe how a process ended, based on loky's error message."""
     if match := re.search(r"SIG[A-Z]+", message):
         return f"its process received {match[0]}"
     if match := re.search(r"EXIT\((\d+)\)", message):

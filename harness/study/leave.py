@@ -52,14 +52,14 @@ def _check(thing: str, known: Collection[str], kind: str, where: str) -> None:
 
 
 def files_of(scene: Scene) -> list[str]:
-    """Return the keys with which a scene names files that engines or comparisons read."""
+    """Return the keys under which a scene lists the files that engines and comparisons read."""
     return [*(f"models.{name}" for name in scene.models), *(f"tables.{name}" for name in scene.tables)]
 
 
 def idle_entries(
     scene: Scene, solutions: Mapping[str, Solution], forces: LeftOutForces, unread: Collection[str]
 ) -> Iterator[str]:
-    """Yield sentences on entries of ``allow`` without effect, if all model files of the scene were read.
+    """Yield sentences on entries of ``allow`` that have no effect, if all model files of the scene were read.
 
     Args:
         unread: Keys of files that were not read.
@@ -74,7 +74,7 @@ def idle_entries(
 
 
 def unread_files(scene: Scene, names: Collection[str]) -> dict[str, str]:
-    """Return files that a scene names but that no given engine reads: key in `Scene.allow` -> sentence."""
+    """Return key in `Scene.allow` -> sentence, for files that a scene names but none of the given engines reads."""
     sentences = {}
     for name in (name for name in scene.models if name not in names):
         model = f"{scene.models[name]} (models.{name})"

@@ -1,8 +1,7 @@
 """Forces that files contain but no engine includes, computed at the compared states and subtracted from answers.
 
-A measured table includes the effects of rotors and friction; so does the answer of an engine for a user's model file.
-Both are correct for a machine that is not rigid, and are compared with the rigid machine after subtracting these
-forces.
+A measured table includes the effects of rotors and friction; so may the answer of an engine for a user's model file.
+Such answers are compared with the rigid machine after these forces have been subtracted.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ from screwgauge.solution import Solution, Values, empty
 from screwgauge.witness.constraints import AdmissibleMotion
 
 FORCES = ("tree_force", "tree_force_soft", "generalized_force", "actuator_force", "reaction")
-#: Largest number of array elements that are computed at once.
+#: Largest number of array elements computed at once.
 NUMBERS = 4_000_000
-#: Largest remaining fraction of a difference that left-out forces explain.
+#: Largest fraction of a difference that may remain if left-out forces are to explain it.
 LEFT = 0.5
 
 
@@ -38,7 +37,7 @@ class LeftOutForces:
     """Forces that a comparison leaves out.
 
     Attributes:
-        terms: Terms by kind, starting with terms of the description's own file.
+        terms: Terms grouped by kind; those of the description's own file come first.
         contained: Table or engine -> kinds of force that were subtracted from its values.
     """
 
@@ -118,7 +117,7 @@ def _has_motion(scene: Scene, answer: Solution) -> bool:
 
 
 def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iterator[tuple[Answer, AdmissibleMotion]]:
-    """Yield an answer in parts, adding the velocities and accelerations that it lacks."""
+    """Yield an answer in blocks of samples, adding the velocities and accelerations that it lacks."""
     mechanism = scene.mechanism
     at_once = max(1, NUMBERS // (6 * len(mechanism.bodies) * max(1, len(mechanism.coordinates))))
     for first in range(0, len(rows), at_once):
@@ -128,7 +127,7 @@ def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iter
 def _take_off(
     answer: Solution, rigid: Mapping[str, Values], forces: Callable[[], MeasuredParts], rows: Rows
 ) -> tuple[Solution, tuple[str, ...]]:
-    """Subtract the kinds of force without which an answer is closest to the rigid machine."""
+    """Subtract from an answer the kinds of force whose removal brings it closest to the rigid machine."""
     values, contained = dict(answer.values), list[str]()
     for quantity in (name for name in rigid if name in answer.values):
         values[quantity], some = _nearest(values[quantity], rigid[quantity], quantity, forces, rows)
@@ -136,14 +135,14 @@ def _take_off(
     kinds = tuple(dict.fromkeys(contained))
     if not kinds:
         return answer, ()
-    note = f"its numbers include effects that no engine computes, which were subtracted: {', '.join(kinds)}"
+    note = f"its numbers included effects that no engine computes; these were subtracted: {', '.join(kinds)}"
     return replace(answer, values=values, notes=(*answer.notes, note)), kinds
 
 
 def _nearest(
     values: Values, rigid: Values, quantity: str, forces: Callable[[], MeasuredParts], rows: Rows
 ) -> tuple[Values, tuple[str, ...]]:
-    """Subtract kinds of force from values; none if no choice leaves less than the fraction `LEFT` of the difference."""
+    """Subtract the kinds of force that bring values closest to `rigid`; none if more than `LEFT` would remain."""
     names = tuple(name for name in values.components if name in rigid.components)
     own = values.pick(names)
     apart = own.array[rows] - rigid.pick(names).array[rows]
@@ -166,6 +165,6 @@ def _nearest(
 
 
 def _choices(kinds: Collection[str]) -> Iterator[tuple[str, ...]]:
-    """Yield all non-empty subsets of kinds, smaller ones first."""
+    """Yield all non-empty subsets of kinds, smallest first."""
     for n in range(1, len(kinds) + 1):
         yield from combinations(kinds, n)

@@ -1,8 +1,8 @@
-"""A lifeline: processes started by this process end when it ends, in whatever way, even by ``kill -9``.
+"""A lifeline: processes started by this process end when it ends for any reason, even ``kill -9``.
 
-The lifeline is a pipe whose writing end only this process has; the kernel closes it when the process ends. The kernel
-then kills every process that has the reading end, even in a C loop that never returns to Python. The signal at the
-parent's death (``PR_SET_PDEATHSIG``) would not do, because it comes when the *thread* that started the process ends.
+The lifeline is a pipe whose writing end is open only in this process; the kernel closes it when the process ends. The
+kernel then kills every process that has the reading end open, even one in a C loop that never returns to Python. A
+parent-death signal (``PR_SET_PDEATHSIG``) would not do: it is sent when the *thread* that started the process ends.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ends: tuple[Connection, Connection] | None = None  # reading end, writing end
 
 
 def lifeline() -> Connection:
-    """Return the reading end, which child processes must `hold`; it can be pickled for a process being started."""
+    """Return the reading end, which child processes must `hold`; it can be pickled while starting a process."""
     global _ends
     with _LOCK:
         _ends = _ends or Pipe(duplex=False)
@@ -43,9 +43,9 @@ os.register_at_fork(after_in_child=_close_writing_end)
 
 
 def end_with_thread() -> Callable[[], None]:
-    """Return a ``preexec_fn`` for `subprocess.run` that ends the program with the calling thread, which waits for it.
+    """Return a ``preexec_fn`` for `subprocess.run`: the program is killed if the thread that waits for it ends.
 
-    On systems other than Linux it has no effect.
+    It has no effect on systems other than Linux.
     """
     if not sys.platform.startswith("linux"):
         return lambda: None
@@ -60,7 +60,7 @@ def end_with_thread() -> Callable[[], None]:
 
 
 def hold(line: Connection) -> None:
-    """End this process when the process that made the lifeline has ended."""
+    """Make this process end when the process that created the lifeline ends."""
     with suppress(OSError, AttributeError):  # F_SETSIG and /proc exist only on Linux; elsewhere the thread must suffice
         # reopen, because the signal's owner belongs to the open file description, which processes share
         reopened = os.open(f"/proc/self/fd/{line.fileno()}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)

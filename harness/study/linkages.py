@@ -1,8 +1,8 @@
 """Planar linkages with bars of given lengths at given angles; a four-bar with its exact accelerations.
 
-Bars lie along the x axes of their bodies, so that their lengths are exactly the requested ones. A ball joint closes the
-four-bar, so that one of its three closing rows is redundant and Pinocchio divides by zero if mu = 0. Its accelerations
-are computed for a planar chain of rods, with formulas that no engine uses.
+Bars lie along the x axes of their bodies, so that they have exactly the requested lengths. A ball joint closes the
+four-bar, so that one of three closure equations is redundant and Pinocchio divides by zero if mu = 0. The accelerations
+of the four-bar are computed for a planar chain of rods, with formulas that no engine uses.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ def pin(
 
 
 def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent: str) -> Tables:
-    """Return the description of an unnamed planar linkage. Masses grow from bar to bar; mass centres are off the bars.
+    """Describe a planar linkage without a name. Masses increase from bar to bar; centres of mass lie off the bars.
 
     Args:
-        bars: Body -> centre of mass on its x axis [m].
+        bars: Body -> x coordinate of its centre of mass [m].
         pins: Joint -> result of `pin`.
         independent: Names of joints.
     """
@@ -67,7 +67,7 @@ def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent
 
 
 def four_bar(crank: float, coupler: float, rocker: float, base: float, angle: float, *, side: float = 1.0) -> Tables:
-    """Describe a four-bar with given lengths [m], home angle of the crank, and side of the coupler's end."""
+    """Describe a four-bar by lengths [m], home angle of the crank [rad], and side on which coupler and rocker meet."""
     tip = _along(crank, angle)
     lean, swing = _triangle(tip, np.array([base, 0.0]), coupler, rocker, side)
     pins = {
@@ -83,7 +83,7 @@ def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0,
     """Describe a slider-crank by its lengths and the height of the slide above the crank's axis [m].
 
     Args:
-        driven: Driven joint: the crank, ``a``, or the slide, ``x``.
+        driven: Driven joint: ``a`` for the crank, or ``x`` for the slide.
     """
     lean = float(np.arcsin((offset - crank * np.sin(angle)) / rod))
     reach = float(crank * np.cos(angle) + rod * np.cos(lean))
@@ -99,7 +99,7 @@ def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0,
 def five_bar(
     cranks: tuple[float, float], rods: tuple[float, float], base: float, angles: tuple[float, float], side: float = 1.0
 ) -> Tables:
-    """Describe a five-bar with two driven cranks, whose rods meet, by lengths [m] and home angles of the cranks."""
+    """Describe a five-bar with two driven cranks by its lengths [m] and the home angles of the cranks [rad]."""
     tips = _along(cranks[0], angles[0]), np.array([base, 0.0]) + _along(cranks[1], angles[1])
     left, right = _triangle(*tips, *rods, side)
     pins = {
@@ -118,7 +118,7 @@ def _along(length: float, angle: float) -> Array:
 
 
 def _triangle(start: Array, end: Array, first: float, second: float, side: float) -> tuple[float, float]:
-    """Return the angles of two bars from two points to a common end, left of the connecting line if `side` is 1."""
+    """Return the angles of two bars that connect two points to a common end, left of their line if `side` is 1."""
     way = end - start
     d = float(np.hypot(*way))
     opening = np.arccos((first**2 + d**2 - second**2) / (2.0 * first * d))
@@ -157,7 +157,7 @@ def four_bar_states(n: int) -> tuple[Problem, Values]:
 
 
 def _angles(crank: Array) -> Array:
-    """Return the angles of the rods to the base, given the crank angles (n,) [rad]. Shape (n, 3)."""
+    """Return the angles of the rods relative to the base, given the crank angles (n,) [rad]. Shape (n, 3)."""
     p = LENGTHS[0] * np.stack([np.cos(crank), np.sin(crank)], axis=1)
     across = np.array([BASE, 0.0]) - p
     d = np.linalg.norm(across, axis=1)
@@ -168,12 +168,12 @@ def _angles(crank: Array) -> Array:
 
 
 def _jacobian(angles: Array) -> Array:
-    """Return the derivative of the end point with respect to the angles of the rods [m]. Shape (n, 2, 3)."""
+    """Return the derivative of the chain's end point with respect to the angles of the rods [m]. Shape (n, 2, 3)."""
     return np.asarray(LENGTHS * np.stack([-np.sin(angles), np.cos(angles)], axis=1))
 
 
 def _accelerations(angles: Array, spins: Array) -> Array:
-    """Return angular accelerations of the rods, solved along with the pin force [rad/s^2]. Shape (n, 3)."""
+    """Return angular accelerations of the rods [rad/s^2], solved for together with the pin force. Shape (n, 3)."""
     # derivative of the centre of rod i with respect to the angle of rod j
     reach = np.tril(np.tile(LENGTHS, (3, 1)), -1) + np.diag(0.5 * LENGTHS)
     coupled, apart = reach.T @ (MASSES[:, None] * reach), angles[:, :, None] - angles[:, None, :]

@@ -1,6 +1,6 @@
-"""Readers and importers of model files in separate processes, to contain a library that crashes or hangs.
+"""Runs readers and importers of model files in separate processes, in case a library crashes or hangs.
 
-Pinocchio's parser ends with signal 11 on 20 000 chained links; one muscle in an MJCF can take MuJoCo minutes.
+Pinocchio's parser crashes on a chain of 20 000 links; a single muscle in an MJCF can keep MuJoCo busy for minutes.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ LOADING, IMPORTING = Limits(seconds=60.0, memory=4.0), Limits(seconds=120.0, mem
 
 
 def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
-    """Read a file in the process of its library.
+    """Read a file in a process reserved for a library.
 
     Raises:
         ScrewgaugeError: The file cannot be read.
-        LoaderError: The library crashed or met a limit.
+        LoaderError: The library crashed or exceeded a limit.
     """
     reading = call_isolated(f"{library}-reading", partial(read, path, library, floating=floating), LOADING)
     if isinstance(reading, Failure):
-        what = f"{library} fails to read the file ({_reason(reading)})"
+        what = f"{library} failed to read the file ({_reason(reading)})"
         raise LoaderError(what, str(path), "choose another library")
     return reading
 
 
 def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
-    """Return both models of a diagnosis; `meshes`: with mass and inertia from meshes, see `diagnosis.model.weigh_side`.
+    """Return both models of a diagnosis; `meshes`: compute mass and inertia from meshes, see `weigh_side`.
 
     Raises:
         ScrewgaugeError: A mesh cannot be read, or is outside the folder of the file.
-        LoaderError: MuJoCo crashed or met a limit.
+        LoaderError: MuJoCo crashed or exceeded a limit.
     """
     if not meshes:
         return a, b
@@ -47,8 +47,8 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
     for each in (a, b):
         one = call_isolated("meshes", partial(weigh_side, each, scratch_folder()), LOADING)
         if isinstance(one, Failure):
-            what = f"mujoco fails to read its meshes ({_reason(one)})"
-            raise LoaderError(what, each, "add an <inertial> to its bodies")
+            what = f"mujoco failed to read the meshes ({_reason(one)})"
+            raise LoaderError(what, each, "add an <inertial> to the bodies")
         models.append(one)
     return models[0], models[1]
 

@@ -1,4 +1,4 @@
-"""The check in fresh environments, with one environment and one row for each pair of Pinocchio and MuJoCo versions."""
+"""Runs the check in fresh environments: one environment and one row for each pair of Pinocchio and MuJoCo versions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from screwgauge.study.lifeline import end_with_thread
 from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor, InTurn, Task, grow_table
 
-#: Packages that pin before version 4 was built with, but whose version it does not restrict: newer versions lack
+#: Packages with which pin was built before version 4, but whose versions pin does not restrict: newer versions lack
 #: libtinyxml2.so.10 or liburdfdom_sensor.so.4.0, so that importing pin fails (tried with pin 3.4.0 and 3.9.0).
 BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
 #: Time limit of an installation, and of a check [s].
@@ -53,11 +53,11 @@ COLUMNS = ("pin", "mujoco", *RESULT)
 
 
 class CannotError(Exception):
-    """Raised if an environment cannot be made, or a command fails in it."""
+    """Raised if an environment cannot be created, or a command fails in it."""
 
 
 Maker = Callable[[Path, Sequence[str]], Path]
-"""Function that takes a folder to create and requirements, and returns the Python of an environment that meets them."""
+"""Function that creates an environment, given its folder and its requirements, and returns the path of its Python."""
 
 
 def matrix(
@@ -73,8 +73,8 @@ def matrix(
 
     Args:
         pairs: Versions of pin and of mujoco.
-        file: File of the table; rows that were computed for it before are reused, see `grow_table`.
-        make: Function that makes an environment; by default with uv or pip.
+        file: File of the table; rows that were already computed for it are reused, see `grow_table`.
+        make: Function that creates an environment; by default with uv or pip.
         scenes: Scenes, as for `screwgauge check`; all built-in scenes by default.
         execute: Executor of the checks; this process by default.
 
@@ -130,7 +130,7 @@ def _check_in(folder: Path, pin: str, mujoco: str, make: Maker, scenes: Sequence
 
 
 def requirements(**pinned: str) -> list[str]:
-    """Return requirements of this package with given versions pinned, and the packages that pinned wheels need."""
+    """Return requirements of this package with given versions pinned, plus packages that the pinned wheels need."""
     needed = [text for text in requires("screwgauge") or () if "extra ==" not in text]
     names = [match[0] for text in needed if (match := re.match(r"[\w.-]+", text))]
     texts = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
@@ -138,10 +138,10 @@ def requirements(**pinned: str) -> list[str]:
 
 
 def make_environment(folder: Path, wanted: Sequence[str]) -> Path:
-    """Make an environment with this Python's version, using uv if available, otherwise venv and pip.
+    """Create an environment with this Python's version, using uv if available, otherwise venv and pip.
 
     Raises:
-        CannotError: The environment cannot be made; the message is the installer's last line.
+        CannotError: The environment cannot be created; the message is the last line printed by the installer.
     """
     python, uv = folder / "bin" / "python", shutil.which("uv")
     if uv:
@@ -154,7 +154,7 @@ def make_environment(folder: Path, wanted: Sequence[str]) -> Path:
 
 
 def lay_out(folder: Path) -> None:
-    """Copy the running version of this package for a different Python."""
+    """Copy the running version of this package to a folder, for use by a different Python."""
     for name in ("screwgauge", "screwgauge.reference", "screwgauge.models"):
         source = Path(str(import_module(name).__file__)).parent
         ignored = shutil.ignore_patterns("__pycache__")
@@ -169,11 +169,11 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
     """Run a command and return its standard output.
 
     Args:
-        folder: Folder with the copy of this package, for running its commands.
-        ends: Admitted exit statuses; all if empty.
+        folder: Current folder of the command, containing a copy of this package if the command needs it.
+        ends: Allowed exit statuses; all if empty.
 
     Raises:
-        CannotError: The command took too long or ended with a status not in `ends`; the message is its last line.
+        CannotError: The command took too long, or its exit status is not in `ends`; the message states the error.
     """
     # keep compiled modules, since every process of a check imports the package
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
@@ -220,5 +220,5 @@ def _check(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
 
 
 def _exceeding_quantities(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the quantities in which two engines are out of tolerance."""
+    """Yield the quantities in which two engines differ by more than the tolerance."""
     return (error["quantity"] for error in errors if not error["ok"] and error["b"] != JUDGE)

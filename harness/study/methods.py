@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
 
 
-DOUBTS = 3  # number of doubts about models or engines named in a sentence
+DOUBTS = 3  # largest number of differences between models that a sentence lists
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """Return what to install if a module is missing, or was built for different versions."""
+    """Describe an import error (a module is missing, or was built for different versions), and what to install."""
     module = (error.name or "it").split(".")[0]
     package = module if engine is None else engine.requirement
     if engine is not None and engine.name not in ENGINES and engine.installed and not engine.source.startswith(module):
@@ -43,7 +43,7 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
-    """Convert an exception to a failure: one line, without the name of the temporary folder of generated files."""
+    """Convert an exception to a failure with a one-line reason, from which the temporary folder's name is removed."""
     try:
         message = str(error) or "no message"  # e.g. Python's MemoryError has no message
     except Exception:  # formatting the error of an external package may fail, too
@@ -63,7 +63,7 @@ class Method:
         engine: Name in the registry.
         settings: Settings, see the engine's folder.
         label: Name in rows; the engine's name if empty.
-        loader: Function that loads a model in place of the engine's own loader, e.g. a variant of the engine.
+        loader: Function that loads a model in place of the engine's own loader, e.g. for a variant of the engine.
     """
 
     engine: str
@@ -93,8 +93,8 @@ class EngineTask:
     Attributes:
         folder: Folder of the generated model files.
         labels: Independent coordinates, in the order of the problem.
-        scene: Scene of the problem if the model file is the user's, whose faults are bad input. None if the file was
-            generated, so that the process does not need to import scenes.
+        scene: Scene of the problem if the user supplied the model file, so that its faults are bad input; None if the
+            file was generated, so that the process does not need to import scenes.
         settings: Settings of the engine.
     """
 
@@ -132,7 +132,7 @@ class EngineTask:
             return replace(answer, lacks=lacks)
 
     def _ask_apart(self, progress: Progress) -> Solution | Failure:
-        """Ask an engine in a fork, and check its answer outside, because the engine could modify checks in the fork."""
+        """Run an engine in a fork; check its answer outside, because in the fork it could tamper with the checks."""
 
         def ask() -> Solution | Failure:
             try:
@@ -189,18 +189,18 @@ class LeftOutError(Exception):
 
 
 def missing_quantities(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
-    """Return the requested quantities that an answer lacks, except quantities that its engine declares as lacking."""
+    """Return requested quantities that an answer lacks, except those that its engine declares it does not compute."""
     return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in answer.lacks)
 
 
 def sentence_on_missing(quantities: Iterable[str]) -> str:
     """Return a sentence on an answer that lacks quantities."""
-    return f"does not give {', '.join(quantities)}, although requested"
+    return f"did not return the requested {', '.join(quantities)}"
 
 
 def notes_on_lacks(answer: Solution, wanted: Collection[str]) -> Iterator[str]:
-    """Yield notes on requested quantities that an engine declared to lack."""
-    return (f"does not give {name}: {why}" for name, why in answer.lacks.items() if name in wanted)
+    """Yield notes on requested quantities that an engine declares it does not compute."""
+    return (f"does not compute {name}: {why}" for name, why in answer.lacks.items() if name in wanted)
 
 
 def check_whole(problem: Problem, answer: Solution) -> Solution:
@@ -224,12 +224,12 @@ def check_components(answer: Solution, n: int, names: Names, coordinates: int) -
     """
     for quantity, values in answer.values.items():
         if len(values.array) != n:
-            raise ValueError(f"{quantity} has {len(values.array)} samples for {n} times")
+            raise ValueError(f"{quantity} has {len(values.array)} samples, not one for each of {n} times")
         components, units = names.get(quantity, (values.components, values.units))
         odd = [name for name in {*values.components} ^ {*components} if name]
         if odd:
             raise ModelFileError(
-                f"its {quantity} differs from the description's in '{min(odd)}'",
+                f"its components of {quantity} differ from those of the description: '{min(odd)}'",
                 f"model of {answer.engine}",
                 "describe the same joints, bodies and actuators in the model, its loops file and the description",
             )

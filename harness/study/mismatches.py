@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 #: Softness states how exactly a library satisfies a constraint; it is not a property of the machine.
 _NOT_DESCRIBED = {"limits", "armature", "damping", "friction", "stiffness", "rest", "gravcomp", "softness"}
 _NOT_DESCRIBED |= {"density", "viscosity", "actuator", "driven joint", "gear"}
-#: Owners of differences that do not belong to a part: the model, or its loops file.
+#: Owners of differences that concern no single part: the model, or its loops file.
 MODEL, LOOPS = "model", "loops"
 
 
 def mismatches(scene: Scene, name: str, files: ModelFiles) -> tuple[Mismatch, ...]:
-    """Return differences in mass properties, geometry, gravity and closures, largest first, then in the loops file."""
+    """Return differences in masses, geometry, gravity and closures, largest first, then those in the loops file."""
     who = f"A: the description, B: {files.model.name}"
     found = [
         Mismatch(f"{each.item_a or each.item_b or MODEL}.{each.what}", f"{each.sentence} ({who})", each.kind == "model")
@@ -57,10 +57,11 @@ def mismatches(scene: Scene, name: str, files: ModelFiles) -> tuple[Mismatch, ..
 
 
 def physical_differences(scene: Scene, name: str, model: Path) -> list[Difference]:
-    """Return differences between a model file and the description, largest first, with those due to rounding marked.
+    """Return differences between a model file and the description, largest first, and mark those due to rounding.
 
     Args:
-        name: Name of the engine that reads the user's file; formats without a reader in this package yield nothing.
+        name: Name of the engine that reads the user's file; no differences are found in formats that this package
+            cannot read.
     """
     # not needed for scenes without files of the user
     from screwgauge.diagnosis.answer import differences_of
@@ -101,12 +102,12 @@ def _own_reading(engine: Engine, model: Path, mechanism: Mechanism, gravity: Arr
     )
 
 
-#: How an engine of this package treats properties beyond the description -> phrase for a sentence.
-_FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
+#: How an engine of this package treats properties that the description lacks -> phrase for a sentence.
+_FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, but not described"}
 MEASURED = "measured"  # a run reports the size of such a property
-_NOT_KNOWN = "not known whether applied by {} in {}"
+_NOT_KNOWN = "may or may not be applied by {} in {}"
 SAME = 1e-12  # relative error in an amount due to rounding of a gear
-_NAMED, _LONGEST = 3, 80  # number of items of a kind that are named, if more are counted; largest length of an item
+_NAMED, _LONGEST = 3, 80  # largest number of items of a kind that are named, and largest length of an item
 
 
 def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
@@ -161,7 +162,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
 
 
 def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> StrokeResistance:
-    """Reduce a resistance to its excess over the description, and deduct what the description covers from `known`."""
+    """Reduce a resistance to its excess over the description; subtract the part that is described from `known`."""
     if len(one.along) != 1 or len(one.damping) > 1:
         return one
     ((name, share),) = one.along.items()
@@ -201,7 +202,7 @@ def _extra_contents(mechanism: Mechanism, engine: Engine, model: Path, *, known:
     try:
         beyond = extras(model, FORMATS[engine.reads], mechanism)
     except (ParseError, LookupError, ValueError) as error:
-        yield f"{model.name} cannot be searched for properties beyond the description ({error})"
+        yield f"{model.name} cannot be searched for properties that the description lacks ({error})"
         return
     for extra in (extra for extra in beyond if not (known and extra.kind == MEASURED)):
         fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN

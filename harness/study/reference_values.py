@@ -1,4 +1,4 @@
-"""Reference values for measuring methods, and preparation of scenes with a given motion.
+"""Reference values for measuring the errors of methods, and preparation of scenes with a given motion.
 
 Reference values come from the engine ``truth`` if it is installed, otherwise from ``screw``; a note states
 the source.
@@ -35,7 +35,7 @@ _NOTES = {
     STANDIN: f"Errors are measured against the engine {STANDIN} in double precision, not against a truth ({{reason}}): "
     "errors below 1e-12 are meaningless, and contestants that share its code look better than they are.",
 }
-MOST = 200  # number of times that the truth solves at once
+MOST = 200  # largest number of times solved at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +103,7 @@ def sizes(values: Values) -> dict[str, float]:
 
 
 def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> Reference:
-    """Compute values of a scene at given times, from its description.
+    """Compute reference values of a scene at given times, without its model files.
 
     Args:
         times: Times [s]. Shape (n,).
@@ -179,13 +179,13 @@ class PreparedScene:
         return States(coordinates, q, v, a=a)
 
     def acceleration_problem(self, coordinates: tuple[str, ...]) -> Problem:
-        """Return the problem that asks for accelerations at the true states of a tree under the true forces."""
+        """Return the problem of computing the accelerations at the true states of a tree under the true forces."""
         q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
         return acceleration_problem(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
 
 
 def acceleration_problem(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:
-    """Return the problem that asks for accelerations of a tree under actuator forces and loads.
+    """Return the problem of computing the accelerations of a tree under actuator forces and loads.
 
     Loads are included in the forces along the coordinates, so that engines need not transform them.
 
@@ -227,7 +227,7 @@ def pose_scene(scene: Scene, folder: Path, *, samples: int) -> PreparedScene:
 
     Args:
         folder: Folder for the model files.
-        samples: Largest number of times of comparison.
+        samples: Largest number of times at which methods are compared.
 
     Raises:
         ScrewgaugeError: The scene cannot be solved.

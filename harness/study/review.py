@@ -30,7 +30,7 @@ STANDIN = "screw"  # engine that computes the expected values without a force, a
 DENSE = 2001  # number of times between which expected values are interpolated
 PAIRED = 6  # largest number of acting forces for which pairs of missing forces are tried
 Solved = Callable[[str, Array], Mapping[str, Values]]
-"""Function of the name of a force to leave out (empty for none) and times [s]; returns quantity -> values."""
+"""Function that takes the name of a force to omit (empty for none) and times [s]; returns quantity -> values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class ReviewedColumn:
 
 @dataclass(frozen=True, slots=True)
 class TableReview:
-    """A table of the user, compared with an engine.
+    """Review of a user's table, compared with an engine.
 
     Attributes:
         engine: Engine with which the table is compared.
@@ -87,7 +87,7 @@ class TableReview:
 
     @property
     def faults(self) -> dict[Key, list[tuple[ReviewedColumn, Fault]]]:
-        """Faults with the columns that have them, grouped by equal faults."""
+        """Key of a fault -> all columns that have it, each with the fault as found there."""
         found: dict[Key, list[tuple[ReviewedColumn, Fault]]] = {}
         for column in self.columns:
             for fault in column.faults or ():
@@ -108,7 +108,7 @@ def reviews(
         solutions: Solutions of engines and tables, in a common chart of joint angles.
         tables: Solutions of tables, in the chart of the user.
         errors: Rows of component pairs.
-        faulted: Engines that the judge faults, which cannot be a reference for tables.
+        faulted: Engines that fail the judge's checks; tables are not compared with them.
     """
     engines = [one for one in reference_first(solutions.values()) if one.engine not in {*scene.tables, *faulted}]
     if scene.simulated or not engines:
@@ -129,11 +129,11 @@ def reviews(
 def _review_quantity(
     scene: Scene, quantity: str, engine: Solution, readings: Sequence[Solution], pair: pd.DataFrame, solved: Solved
 ) -> Iterator[ReviewedColumn]:
-    """Yield the columns of one quantity; only columns out of tolerance cause further computations.
+    """Yield the columns of one quantity; further values are computed only for columns out of tolerance.
 
     Args:
-        readings: The table in the chart of the engine, and as given, because angles in degrees do not belong to a
-            chart.
+        readings: The table converted to the engine's chart, and as given, because the conversion is meaningless for
+            angles in degrees.
     """
     rows = common_rows(len(scene.t), engine, readings[0])
     right = engine.values[quantity].at(rows)
@@ -231,7 +231,7 @@ _RESISTS = {"rotor": "rotors", "damping": "damping of joints", "friction": "dry 
 
 
 def _parts(scene: Scene) -> dict[str, Scene]:
-    """Return, for everything that acts on the machine, name -> scene in which it is missing."""
+    """Return name of a force or resistance -> scene without it, for everything that acts on the machine."""
     applied, mechanism = scene.applied, scene.mechanism
     parts = {"gravity": replace(scene, applied=replace(applied, gravity=np.zeros(3)))} if applied.g.any() else {}
     for field in ("loads", "springs", "motors"):

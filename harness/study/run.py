@@ -1,6 +1,6 @@
 """Run of a scene: every engine solves its own model file, and all answers are compared and judged.
 
-For simulations, observables, conditions and the known solution are also compared.
+For simulations, observables are also computed and compared, including those of the known solution.
 """
 
 from __future__ import annotations
@@ -52,16 +52,16 @@ if TYPE_CHECKING:
     from screwgauge.study.isolation import Limits
 
 Ask = Callable[[Scene, Iterable[str], Path], Mapping[str, Solution | Failure]]
-"""Function that asks engines and tables to solve a scene, given the folder of the generated model files."""
+"""Function that returns the answers of engines and tables to a scene, given the folder of the generated model files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Asked:
-    """A checked scene with the request to engines.
+    """A checked scene, and the problem for the engines.
 
     Attributes:
         problem: Problem with the wanted quantities of the scene.
-        wanted: Names of the wanted quantities, in the order of the user.
+        wanted: Names of the wanted quantities, in the user's order.
         components: Quantity -> names and units of its components.
         warnings: Warnings about the scene.
         lay: Layout of a simulated scene.
@@ -90,8 +90,8 @@ class _Answered:
 
     Attributes:
         answers: Engine or table -> its answer, with notes on missing values.
-        refused: Samples at which an engine returns no value of some quantities.
-        lacking: The refused samples, and whole quantities and samples that an engine omits.
+        refused: Samples at which an engine returns no values for some quantities.
+        lacking: The refused samples, plus quantities and samples that an engine omits completely.
         left_out: Forces that files contain but no engine includes.
     """
 
@@ -112,19 +112,18 @@ def run(
     date: datetime | None = None,
     limits: Limits | None = None,
 ) -> Comparison:
-    """Solve a scene with the engines, compare all pairs and judge each answer. A scene with a start is integrated.
+    """Solve a scene with the engines, compare all pairs and judge each answer. Scenes with a start are integrated.
 
     Args:
         engines: Names of engines; by default as in the scene.
-        quantities: Names of the only quantities to compute; by default as in the scene.
-        progress: Called during the work.
+        quantities: Names of the quantities to compute; by default as in the scene.
+        progress: Called with the current step and the completed share.
         warn: Called with a warning before a step that may take long or fail.
         date: Date of the report; now by default.
         limits: Limits of each engine in its own process; by default engines run in this process.
 
     Raises:
-        ScrewgaugeError: The input is invalid. An engine that fails or stops early becomes a row of the results, not an
-            error.
+        ScrewgaugeError: The input is invalid. An engine that fails or stops early is reported in the results instead.
     """
     check_scene_type(scene, "run")
     names, wanted = _check_names(scene, engines, quantities)
@@ -173,7 +172,7 @@ def review(table: Recorded, scene: Scene, quantities: Iterable[str] | None = Non
 def _check_names(
     scene: Scene, engines: Iterable[str] | None, quantities: Iterable[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Check the names of engines and quantities; return both, with tables after engines."""
+    """Check the names of engines and quantities; return the engines, followed by tables, and the quantities."""
     where = str(scene.file or scene.name)
     check_tables(scene)
     if scene.models:
@@ -188,7 +187,7 @@ def _check_names(
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
     if scene.simulated and not scene.observables:
         if quantities is not None and "observable" in wanted:
-            raise DescriptionError("the scene has no observable", scene.name, "add [[observables]]")
+            raise DescriptionError("the scene has no observables", scene.name, "add [[observables]]")
         wanted = tuple(name for name in wanted if name != "observable")
     return tuple(sorted(names, key=lambda name: name in scene.tables)), wanted
 
@@ -218,24 +217,24 @@ def _check(scene: Scene, wanted: tuple[str, ...]) -> _Asked:
 
 
 def _remarks(asked: _Asked) -> dict[str, str]:
-    """Return warnings and remarks about the scene and its mechanism, each with its kind, doubts first."""
+    """Return warning or remark -> its kind, for the scene and its mechanism; doubts come first."""
     scene, said = asked.scene, [*asked.scene.mechanism.remarks, *asked.warnings]
     if scene.changed:
         said.append(
-            f"the mechanism was changed after it was read from {scene.mechanism_file.name}, and is used as changed"
+            f"the mechanism was changed after it was read from {scene.mechanism_file.name}; the changes are included"
         )
     return dict.fromkeys(doubts(scene), DOUBT) | dict.fromkeys(said, "")
 
 
 def _files(scene: Scene, names: Iterable[str], folder: Path) -> dict[str, Path]:
-    """Return engine or table -> the file from which it was read."""
+    """Return engine -> its model file, and table -> its file."""
     tables = {name: scene.tables[name].file for name in names if name in scene.tables}
     models = {name: model_files(scene, name, folder).model for name in names if name not in tables}
     return models | {name: file for name, file in tables.items() if file}
 
 
 def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered:
-    """Prepare answers for comparison: estimate rounding, note missing values, subtract forces that engines omit."""
+    """Prepare answers for comparison: estimate rounding, note missing values, and subtract forces that engines omit."""
     scene, problem = asked.scene, asked.problem
     failures = {name: one for name, one in told.items() if isinstance(one, Failure)}
     posed = replace(problem, wanted=frozenset(asked.requested))
@@ -249,7 +248,7 @@ def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered
 
 
 def _missing_quantities(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
-    """Yield the requested quantities that engines return at no sample."""
+    """Yield the requested quantities for which engines return no values at all."""
     for name, answer in answers.items():
         if lost := missing_quantities(asked.requested, answer):
             yield Refusal(
@@ -258,7 +257,7 @@ def _missing_quantities(asked: _Asked, answers: Mapping[str, Solution]) -> Itera
 
 
 def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
-    """Yield the samples that engines omit without declaring it."""
+    """Yield the samples that engines omit without having declared so."""
     t = asked.scene.t
     for name, answer in answers.items():
         if name in asked.scene.tables:
@@ -266,7 +265,7 @@ def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator
         due = spread(len(t), (ENGINES[name].most if name in ENGINES else 0) or len(t))
         rows = np.setdiff1d(due, due if answer.rows is None else answer.rows)
         if rows.size or answer.stopped:
-            what = f"answers {len(due) - len(rows)} of {len(due)} samples"
+            what = f"solved {len(due) - len(rows)} of {len(due)} samples"
             after = f", nothing after t = {t[rows[0] - 1]:g} s" if rows.size and answer.stopped else ""
             why = f"{after}: {answer.stopped}" if answer.stopped else ""
             yield Refusal(name, asked.wanted, rows, what, f"{what}{why}")
@@ -277,7 +276,7 @@ def _note_lacks(scene: Scene, answer: Solution, lacking: Sequence[Refusal]) -> S
     notes = [one.sentence for one in lacking if one.engine == answer.engine]
     if not (scene.simulated or answer.engine in scene.tables) and assembly_of(scene.mechanism, answer) is None:
         notes.append(
-            "it returns no joint positions, so that its assembly mode is unknown and none of its values can be judged"
+            "it returned no joint positions; its assembly mode is thus unknown, and none of its values can be judged"
         )
     return replace(answer, notes=(*answer.notes, *notes))
 
@@ -292,7 +291,7 @@ def _compare_all(
     """Compare all pairs and judge each answer; rerun simulations out of tolerance to estimate integration errors.
 
     Returns:
-        Solutions; rows of component pairs; rows of pairs, including missing values; and rows of the judge.
+        Solutions; rows of component pairs; rows of pairs, including pairs with missing values; and rows of the judge.
     """
     scene, answers = asked.scene, answered.answers
     judged = {name: _judge_answer(asked, answered, name) for name in answers}
@@ -382,7 +381,7 @@ def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, So
 def _reviews(
     scene: Scene, solutions: Mapping[str, Solution], answers: Mapping[str, Solution], rows: Sequence[pd.DataFrame]
 ) -> dict[str, TableReview]:
-    """Review the tables of a scene by comparing them with engines that the judge does not fault."""
+    """Review the tables of a scene by comparing them with engines that pass the judge's checks."""
     errors, judge = rows
     faulted = {*judge[~judge["ok"].astype(bool)]["engine"]}
     tables = {name: answers[name] for name in scene.tables if name in answers}

@@ -77,7 +77,7 @@ class Processes:
 
     def __post_init__(self) -> None:
         if self.jobs < 1:
-            raise DescriptionError(f"{self.jobs} tasks at a time", "-j", "give a positive number")
+            raise DescriptionError(f"cannot run {self.jobs} tasks at a time", "-j", "use a positive number")
 
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
         works = {name: task.work for name, task in tasks.items()}
@@ -98,11 +98,11 @@ def run_tasks(
     """Run all tasks; return their rows in order.
 
     Args:
-        lost: Function that makes a row from the name of a task that crashed, met a limit or raised an error, and the
-            reason.
-        before: Key -> row of tasks that are not run again, see `Journal.rows`.
+        lost: Function that makes a row from the name of a task that crashed, exceeded a limit or raised an error, and
+            the reason.
+        before: Key -> row, for tasks that need not be run again, see `Journal.rows`.
         keep: Called with the key of a task and its row as soon as the task is done, see `Journal.keep`.
-        progress: Called with the current step, rate and remaining time, and the completed share.
+        progress: Called with a string that states step, rate and remaining time, and with the completed share.
 
     Raises:
         ScrewgaugeError: A task, or `keep`, raised this error.
@@ -134,7 +134,7 @@ def grow_table(
     progress: Report = silent,
     about: object = None,
 ) -> str:
-    """Return the rows of tasks as CSV, reusing rows that the same code computed before for this file.
+    """Return the rows of tasks as CSV, reusing rows that the same code has already computed for this file.
 
     Args:
         file: File of the table, which is neither read nor written.

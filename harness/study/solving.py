@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 def solve(
     scene: Scene, names: Iterable[str], quantities: Iterable[str], *, progress: Report = silent
 ) -> tuple[dict[str, Solution], dict[str, Failure]]:
-    """Solve a scene with the given engines, without previous checks or later comparison.
+    """Solve a scene with the given engines, without checking the scene or comparing the answers.
 
     Returns:
         Answers of engines that succeeded, and failures of all others.
@@ -91,7 +91,7 @@ def description_file(scene: Scene, folder: Path) -> Path:
 
 
 def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
-    """Return the model file of an engine, generated in `folder` or the user's own, and its loops file."""
+    """Return the model file of an engine, generated in `folder` or supplied by the user, and its loops file."""
     engine, given = get_engine(name), scene.models.get(name)
     if not engine.cut:
         return ModelFiles(given or description_file(scene, folder))
@@ -180,7 +180,7 @@ def ask_engines(
 
 
 def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected: Names) -> Solution:
-    """Add coordinates of fixed joints and notes on missing values to an answer, and order it like the description.
+    """Add coordinates of fixed joints and notes on missing values; arrange components in the description's order.
 
     Raises:
         Exception: The answer has different samples, components or units.
@@ -199,7 +199,7 @@ def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected:
 def _ask_all(
     questions: Mapping[str, EngineTask], limits: Limits | None, progress: Report
 ) -> dict[str, Solution | Failure]:
-    """Return the answers of engines, in order; engines that must be isolated run only in workers."""
+    """Return the answers of engines, in the given order; engines that must be isolated run only in workers."""
     others = {name: one for name, one in questions.items() if one.engine.apart}
     if limits is None and not others:
         return run_in_turn(questions, progress)

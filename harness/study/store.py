@@ -19,17 +19,17 @@ from screwgauge.reference.files import read_bytes, why
 from screwgauge.truth import cache
 
 Row = TypeVar("Row")
-_CHANGED = "Results of interrupted work were not reused: scene, settings, code or environment have changed."
+_CHANGED = "Results of interrupted work were not reused: the scene, settings, code or environment has changed."
 
 
 class Journal:
-    """Log of results and measured times, written as they arrive, in the cache folder.
+    """Log in the cache folder, to which results and measured times are written as they arrive.
 
-    Each line carries a signature of its text and of the address of the work, made with the secret of that folder. Lines
-    that someone else wrote, or that belong to different files, code or versions, are ignored.
+    Each line begins with a signature of its text and of the address of the work, made with the secret of that folder.
+    Lines that were written by others, or for different files, code or versions, are ignored.
 
     Attributes:
-        results: Key -> result of the first call.
+        results: Key -> result.
         times: Key -> measured times [s].
         note: Sentence for the report on reused results; empty if none were reused.
     """
@@ -42,7 +42,7 @@ class Journal:
         Args:
             place: Folder or file of the table or report of the work; if None, nothing is stored.
             address: Address of the work, see `address`.
-            fits: Function that returns True if a result has the form of this work; other results are computed again.
+            fits: Function that returns True if a result has the expected form; other results are computed again.
         """
         self.address, self.results, self.times = address, dict[str, Any](), dict[str, list[float]]()
         self.path, self.note = None, ""
@@ -68,7 +68,7 @@ class Journal:
             self.note = _CHANGED
             self.remove()
         elif self.results:
-            self.note = f"Resumed: {len(self.results)} results of interrupted work were reused."
+            self.note = f"Resumed: {len(self.results)} results of interrupted work are reused."
 
     def rows(self, form: type[Row]) -> dict[str, Row]:
         """Return results as rows of a dataclass, omitting malformed rows, which are then computed again."""
@@ -95,7 +95,7 @@ class Journal:
                 self.path.unlink()
 
     def _read(self, line: bytes) -> dict[str, Any] | None:
-        """Return the record in a line that was written here for this work; None for other lines."""
+        """Return the record in a line that was written on this machine for this work; None for other lines."""
         code, _, text = line.decode(errors="replace").partition(" ")
         if not compare_digest(code.encode(), self._sign(self.address, text).encode()):
             return None

@@ -1,7 +1,7 @@
 """Faults in a table, found by applying transformations to the expected values until they match the table.
 
-The explanation of a column has the fewest faults with which all its samples agree to their printed digits. The
-agreement must exceed what was fitted: a match that follows only from the smoothness of both series explains nothing.
+A column is explained by the fewest faults with which all its samples agree to their printed digits. More digits must
+agree than the number of fitted sizes accounts for: two smooth series that just happen to match explain nothing.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from screwgauge.reference.rotations import Array
 from screwgauge.study.transformations import FILTERS, NOISY, UNITS, Expected, Family, Fault, Key
 
 MOST = 3  # largest number of faults in one column
-EVIDENCE = 0.5  # decimal places that must agree beyond the fitted numbers, and beyond one more place for each fault
-FIRM = 3.0  # factor on this number if a table has unexplained columns, or more than one fault
+EVIDENCE = 0.5  # decimal places that must agree in addition to one place for each fault and to the fitted sizes
+FIRM = 3.0  # factor on the required places if a table has unexplained columns or too many faults
 SEARCHED, TRIED = 200, 2  # number of samples in the coarse search; number of candidates of each class that are fitted
-PROMISE = 0.1  # largest mean square of residuals, relative to the column or to the fit without a filter, to start a fit
+PROMISE = 0.1  # a fit starts if the mean square residual, relative to the column or unfiltered fit, is at most this
 FITS, WIDE = 15, 1.5  # largest number of steps of a fit, and its range in steps of the grid
 SECANT, ENOUGH = 1e-8, 1e-6  # step of numerical derivatives; relative gain at which a fit ends
-UNEVEN = 0.2  # fraction of the last place of the largest number: smaller numbers count as no more precise
-WINDOW = 10  # number of successive values, to count the dimension of a signal, or for means
+UNEVEN = 0.2  # fraction of the last place of the largest number; no number is taken to be more precise than this
+WINDOW = 10  # number of successive values in a window for finding the dimension of a signal, or in a mean
 SPIKE, WAVY, FAINT = 6.0, 0.1, 0.3  # limits for noise: multiples of its rms, fractions of the signal
 MEDIAN = 0.6745 * np.sqrt(20.0)  # median absolute third difference of white noise, relative to its rms
 MODES = ((False, False), (True, False), (False, True), (True, True))  # flags: factor is fitted, offset is fitted
@@ -72,7 +72,7 @@ class Explanation:
     digits: float = 0.0
 
     def convinces(self, known: Container[Key] = (), least: float = 1.0) -> bool:
-        """Return True if more of the difference agrees than was fitted; sizes found in other columns count as known."""
+        """Return True if more agrees than the fitted sizes account for; sizes found in other columns count as known."""
         tried = sum(fault.kind != "noise" for fault in self.faults)
         fitted = sum(fault.fitted and fault.key not in known for fault in self.faults)
         # white noise alone shows that nothing else is wrong
@@ -150,11 +150,11 @@ def _of_family(
 
 
 def _candidates(left: Array, limit: Array, costs: Array) -> list[tuple[int, int, Mode]]:
-    """Return grid index, base and mode with the smallest squares for each number of faults, fewest faults first.
+    """Return grid index, base and mode of the best candidates for each number of faults, fewest faults first.
 
     Args:
-        left: Mean squares by place, mode and base. Shape (m, 4, k).
-        limit: Largest mean square to try. Shape (4, k) or (4, 1).
+        left: Mean squared residuals for each grid index, mode and base. Shape (m, 4, k).
+        limit: Largest mean squared residual of a candidate. Shape (4, k) or (4, 1).
         costs: Number of faults of each base. Shape (k,).
     """
     at, best = left.argmin(axis=0), left.min(axis=0)
@@ -167,7 +167,7 @@ def _candidates(left: Array, limit: Array, costs: Array) -> list[tuple[int, int,
 
 
 def _squares(X: Array, rows: Rows, numbers: Array) -> Array:
-    """Return mean squared residuals of fits of each base to each column, at selected samples. (4, n_column, n_base)."""
+    """Fit each base to each column at selected samples; return mean squared residuals, (4, n_column, n_base)."""
     some = spread(len(rows), SEARCHED)
     X, numbers, left = X[rows[some]], numbers[some], list[Array]()
     for scaled, shifted in MODES:
@@ -178,7 +178,7 @@ def _squares(X: Array, rows: Rows, numbers: Array) -> Array:
 
 
 def _line(x: Array, b: Array, mode: Mode, factor: float | None = None) -> tuple[float, float]:
-    """Fit a factor and an offset from b to x by least squares. Shape (n,)."""
+    """Fit a factor and an offset by least squares, so that ``factor b + offset`` is close to x. Shapes (n,)."""
     scaled, shifted = mode
     x0, b0 = (x.mean(), b.mean()) if shifted else (0.0, 0.0)
     if factor is None:
@@ -188,7 +188,7 @@ def _line(x: Array, b: Array, mode: Mode, factor: float | None = None) -> tuple[
 
 
 def _fit_size(x: Array, family: Family, place: int, base: int, mode: Mode) -> float:
-    """Return the size near a grid size that minimises the squared residuals, by the Gauss-Newton method."""
+    """Refine a size from the grid so that it minimises the squared residuals, by the Gauss-Newton method."""
     start, step = float(family.grid[place]), float(np.gradient(family.grid)[place])
     large = np.abs(x).max() or 1.0
 
@@ -220,7 +220,7 @@ def _fit_size(x: Array, family: Family, place: int, base: int, mode: Mode) -> fl
 def _explain(
     column: Column, rows: Rows, b: Array, faults: tuple[Fault, ...], mode: Mode, error: float = 0.0
 ) -> Explanation | None:
-    """Return faults including factor and offset, if the residual is within the precision of the column or is noise."""
+    """Return an explanation that adds factor and offset, if the residual is within the column's precision or noise."""
     x, names = column.values[rows], {1.0: "", **{f: name for name, f in UNITS.get(column.unit, {}).items()}}
     free, _ = _line(x, b, mode)
     known = [sign * f for f in names for sign in (1.0, -1.0) if mode[0] and abs(free / (sign * f) - 1.0) < 0.02]
@@ -257,7 +257,7 @@ def _rms(x: Array) -> float:
 
 
 def _noise(left: Array, fit: Array) -> float:
-    """Return the rms of a residual if it is white noise, not larger than third differences indicate; otherwise 0."""
+    """Return the rms of a residual if it is white noise, judged by third differences and window means; otherwise 0."""
     if len(left) < NOISY:
         return 0.0
     rms, size = _rms(left), _rms(fit)
@@ -270,7 +270,7 @@ def _noise(left: Array, fit: Array) -> float:
 
 
 def _dimension(signal: Array, level: float) -> int:
-    """Count the independent values of a signal at a given precision, as the rank of its windows."""
+    """Count the independent values of a signal at a given precision: the rank of a matrix of its windows."""
     signal = signal[spread(len(signal), SEARCHED)]
     width = min(WINDOW, (len(signal) + 1) // 2)
     step = max(1, len(signal) // (2 * width))
@@ -280,7 +280,7 @@ def _dimension(signal: Array, level: float) -> int:
 
 
 def last_place(values: Array) -> Array:
-    """Return the unit in the last printed place of each number, by decimals or by significant figures. Shape (n,)."""
+    """Return the unit in each number's last printed place, judging by decimals and significant figures. Shape (n,)."""
     some = [Decimal(repr(float(value))).normalize().as_tuple() for value in values[spread(len(values), 500)] if value]
     places = min((int(one.exponent) for one in some), default=-17)
     figures = max((len(one.digits) for one in some), default=17)

@@ -1,4 +1,4 @@
-"""Tables of the user as engines: how they answer a scene, and how the answer is judged."""
+"""The user's tables, treated as engines: how they answer a scene, and how the answers are judged."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Columns = dict[str, dict[str, Array]]
 
 
 def check_tables(scene: Scene) -> None:
-    """Reject tables named like an engine or the reference.
+    """Reject tables that have the name of an engine or of the reference.
 
     Raises:
         DescriptionError: A table has the name of an engine, or of the reference.
@@ -63,7 +63,7 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
         told = unique_samples(scene)
         rows, at, n = rows[told[rows]], at[told[rows]], int(told.sum())
     if not rows.size:
-        raise DescriptionError("has none of the times of the scene", table.where, "choose times of the table")
+        raise DescriptionError("contains none of the scene's times", table.where, "choose times that it contains")
     values: dict[str, Values] = {}
     for quantity in (quantity for quantity in names if quantity in wanted and quantity in columns):
         units = {name: unit for name, unit in zip(*names[quantity], strict=True) if name in columns[quantity]}
@@ -71,7 +71,7 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
         array[rows] = np.stack([columns[quantity][name][at] for name in units], axis=1)
         values[quantity] = Values(tuple(units), tuple(units.values()), array)
     if not values:
-        what = f"has none of the compared quantities ({', '.join(wanted)})"
+        what = f"contains none of the compared quantities ({', '.join(wanted)})"
         raise DescriptionError(what, table.where, "request its quantities, or omit the table")
     values, assembly = with_fixed(scene.mechanism, values), _assembly(scene, rows)
     if "joint_position" in values:
@@ -79,8 +79,8 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
     short, long = _lacks(name, values, names, wanted, [f"only {len(rows)} of the {n} samples"] * (len(rows) < n))
     unused = [f"has {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
     if skipped:
-        unused.append(f"{skipped} of its {len(table.t)} times are not compared, because the scene lacks them")
-    unused += [f"{name} is converted to SI units" for name in table.converted]
+        unused.append(f"{skipped} of its {len(table.t)} times were not compared, because the scene lacks them")
+    unused += [f"{name} was converted to SI units" for name in table.converted]
     return Solution(
         engine=name,
         version=table.file.name if table.file else table.where,
@@ -111,7 +111,7 @@ def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
 
 
 def _quantity(header: Header, names: Names, wanted: Collection[str], where: str) -> str:
-    """Return the quantity of a column: the quantity that it names, or the only compared quantity with its component."""
+    """Return the quantity that a column names, or else the only compared quantity that has the column's component."""
     if header.quantity and header.quantity not in names:
         raise UnknownNameError("quantity", header.quantity, names, f"{where}, column '{header.text}'")
     having = [name for name in [header.quantity] if name] or [*names]
@@ -133,7 +133,7 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
 def _lacks(
     name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str], samples: list[str]
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Describe which wanted quantities a table lacks: in one sentence, and in notes by component."""
+    """Describe what a table lacks of the wanted quantities: in one sentence, and in notes that list components."""
     lost = [quantity for quantity in names if quantity in wanted and quantity not in values]
     short = [*samples, *[f"no {', '.join(lost)}"] * bool(lost)]
     long = [f"has {each}" for each in short]
@@ -149,7 +149,7 @@ def _is_whole(values: Mapping[str, Values], names: Names, quantity: str) -> bool
 
 
 def _assembly(scene: Scene, rows: Rows) -> Array:
-    """Compute the joint coordinates of the scene at which values without positions are judged. Shape (n, n_q)."""
+    """Compute the scene's joint coordinates, at which tables without positions are judged. Shape (n, n_q)."""
     motion, mechanism = scene.motion.part(rows), scene.mechanism
     q = np.full((len(scene.t), len(mechanism.coordinates)), np.nan)
     q[rows] = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd))
@@ -169,10 +169,10 @@ def _unwind(values: Values, coordinates: Sequence[str], q: Array) -> Values:
 
 
 def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) -> pd.DataFrame:
-    """Judge the quantities of a table that have all their components, which the equations need.
+    """Judge the quantities for which a table has all components, because the equations need all of them.
 
-    The error that a table states for its values is admitted in residuals; positions that it does not contain are not
-    judged.
+    Tolerances are at least the error that the table states for its values. Positions are judged only if the table
+    contains them.
     """
     values = {name: one for name, one in answer.values.items() if _is_whole(answer.values, names, name)}
 

@@ -47,7 +47,7 @@ class Fault:
             (interpolation with constant ends), ``filter``, ``mean``, ``missing``, ``reversed``, ``side`` (reaction on
             the other body) or ``noise``.
         of: Unit, component to which the numbers belong, filter, kind of mean, or name of what is missing or reversed.
-        size: Factor, offset [unit], delay [s], cut-off [Hz], samples of a mean, rms of noise [unit].
+        size: Factor, offset [unit], delay [s], cut-off [Hz], number of samples in a mean, or rms of noise [unit].
     """
 
     kind: str
@@ -67,7 +67,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Family:
-    """Faults of one kind with any size, as a transformation of expected values.
+    """Faults of one kind and any size, as a transformation of expected values.
 
     Attributes:
         kind, of: Fields of the fault; empty for the identity.
@@ -124,7 +124,7 @@ class Expected:
             yield from _filters(self.arrays, 0.5 / step)
 
     def _interpolate(self, delay: float, bases: Bases) -> tuple[Rows, Array]:
-        """Return numbers of a delayed table, interpolated like `np.interp`, which is constant beyond the ends."""
+        """Return numbers of a delayed table, interpolated as by `np.interp`, with constant values beyond the ends."""
         numbers, at = self.arrays[:, bases], np.clip(self.t - delay, self.t[0], self.t[-1])
         after = np.clip(np.searchsorted(self.t, at), 1, len(self.t) - 1)
         share = (at - self.t[after - 1]) / (self.t[after] - self.t[after - 1])
@@ -166,7 +166,7 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
     from scipy.signal import butter, filtfilt, lfilter, lfilter_zi
 
     every = np.arange(len(arrays))
-    for after, name in enumerate(("mean of samples before", "mean of samples around")):
+    for after, name in enumerate(("mean of preceding samples", "mean of surrounding samples")):
 
         def mean(count: float, bases: Bases, after: int = after) -> tuple[Rows, Array]:
             m, sums = int(count), np.cumsum(np.pad(arrays[:, bases], ((1, 0), (0, 0))), axis=0)
@@ -174,13 +174,13 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
 
         counts = np.arange(2.0 + after, np.clip(len(every) // 10, 4, WIDEST), 1 + after)
         yield Family("mean", name, counts, mean)
-    for (name, order), way in product(ORDERS.items(), ("there and back", "from its first value", "from zero")):
+    for (name, order), way in product(ORDERS.items(), ("forwards and backwards", "from its first value", "from zero")):
 
         def passed(cutoff: float, bases: Bases, order: int = order, way: str = way) -> tuple[Rows, Array]:
             numbers, w = arrays[:, bases], min(cutoff / half, HIGHEST)
             last = np.exp(-np.pi * w)
             b, a = butter(order, w) if order else (np.array([1.0 - last]), np.array([1.0, -last]))
-            if way == "there and back":
+            if way == "forwards and backwards":
                 return every, filtfilt(b, a, numbers, axis=0)
             start = lfilter_zi(b, a)[:, None] * numbers[:1] * (way != "from zero")
             return every, lfilter(b, a, numbers, axis=0, zi=start)[0]

@@ -153,7 +153,7 @@ SPOILT = {
         "delta",
         "actuator_force",
         _filtered,
-        {("filter", "Butterworth, order 2, there and back"): (0.08 * 50.0, ())},
+        {("filter", "Butterworth, order 2, forwards and backwards"): (0.08 * 50.0, ())},
     ),
     "noise": Spoilt(
         "stewart",

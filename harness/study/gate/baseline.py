@@ -1,4 +1,4 @@
-"""Baselines: JSON files with the errors, versions and hashes of a check; later checks must not lose digits."""
+"""Baselines: JSON files with the errors, versions and hashes of a check; later checks must be as accurate."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SCHEMA = 1
 TEXTS = Mapping[str, str]
 #: Remedy for a missing baseline.
 UPDATE = "create one with --update"
-#: Factor by which an error must exceed its known value to be reported: one digit. Known values below NOISE (rounding on
-#: a different machine) are raised to it: a hundredth of the tolerance of solved quantities.
+#: Factor by which an error must exceed its known value to be reported: one digit. Known values below NOISE, a hundredth
+#: of the tolerance of solved quantities, are raised to it, because rounding differs between machines.
 GROWN, NOISE = 10.0, 0.01 * SOLVED
 
 
@@ -47,7 +47,7 @@ class Against:
 
 
 def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
-    """Return the content of a baseline, which omits run times."""
+    """Return the content of a baseline for the given rows, without run times."""
     record = environment()
     return {
         "schema": SCHEMA,
@@ -68,7 +68,7 @@ def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: b
     """Write the given rows as the new baseline.
 
     Raises:
-        OutputError: A row has no numbers, or the file cannot be written or is not a baseline; it then stays unchanged.
+        OutputError: A row has no numbers, or the file cannot be written or is not a baseline; it stays unchanged.
     """
     check_baseline(file, force=force)
     if broken := [row.scene for row in rows if row.status in ("failed", "refused")]:
@@ -81,8 +81,8 @@ def compare_baseline(file: Path, rows: Sequence[GateRow], smoke: bool) -> Agains
     """Compare rows with a baseline.
 
     Raises:
-        DescriptionError: The file is missing, not a baseline, or made with a different schema, different scenes or
-            options.
+        DescriptionError: The file is missing, is not a baseline, or was made with a different schema, different scenes
+            or options.
     """
     known = read_baseline(file, smoke, [row.scene for row in rows])
     before, now = known["scenes"], state(rows, smoke)
@@ -167,7 +167,7 @@ def _is_size(value: object) -> bool:
 
 
 def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
-    """Yield sentences on entries that differ; hashes are only reported as changed."""
+    """Yield sentences on entries that differ; the values of changed hashes are not shown."""
     for name in dict.fromkeys([*then, *now]):
         a, b = str(then.get(name, "")), str(now.get(name, ""))
         if a != b:
@@ -178,7 +178,7 @@ def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Ite
 
 
 def _compare_error(scene: str, one: Residual, before: float | None) -> tuple[bool, str] | None:
-    """Return True if an error is worse than before, False if better, with a sentence; None within noise."""
+    """Return whether an error is larger than before, with a sentence; None if it differs only by noise."""
     then = float("nan") if before is None else float(before)
     a, b = digits(then), digits(one.error)
     sentence = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"

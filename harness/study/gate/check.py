@@ -1,4 +1,4 @@
-"""Results of a gate: rows that tests can assert, in formats that CI services read."""
+"""Results of a gate: rows for assertions in tests, and their export to formats that CI services read."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor
 
 SCHEMA = 1  #: Version of the JSON format.
-ADMITTED = "Admitted on purpose"
+ADMITTED = "Explicitly allowed"
 #: Number of file names listed in a sentence.
 SHOWN = 5
 #: Exit status of a row -> element of JUnit.
@@ -72,15 +72,15 @@ class Check:
 
     @property
     def left_alone(self) -> str:
-        """Sentence that names unread files in the folders; empty if all were read."""
+        """Sentence that names the files in the folders that were not read; empty if all were read."""
         return f"Not read, because no scene names them: {first_few(self.unread, SHOWN)}." if self.unread else ""
 
     def assert_ok(self) -> None:
         """Raise an error unless the check is ok.
 
         Raises:
-            AssertionError: A row does not pass, or there is no row; the message says what, where, when, by how much and
-                why.
+            AssertionError: A row does not pass, or there are no rows; the message says what failed, where, when, by how
+                much and why.
         """
         __tracebackhide__ = True  # makes pytest show the calling line instead of this one
         if not self.ok:
@@ -94,7 +94,7 @@ class Check:
             force: Replace an existing file even if it is not a baseline.
 
         Raises:
-            OutputError: A row has no numbers, or the file cannot be written; it then stays unchanged.
+            OutputError: A row has no numbers, or the file cannot be written; an existing file stays unchanged.
         """
         write_baseline(Path(file), self.rows, self.smoke, force=force)
 
@@ -134,7 +134,7 @@ class Check:
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
 
     def annotations(self) -> Iterator[str]:
-        """Yield GitHub commands that annotate a line of a model or scene."""
+        """Yield GitHub workflow commands that annotate lines of models and scenes."""
         for row in self.rows:
             marks = {} if row.ok else {"error": message(row)}
             if row.admitted:

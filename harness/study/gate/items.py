@@ -1,4 +1,4 @@
-"""Items of a gate, which represent its arguments, and rows with their results. Plain data that can be pickled."""
+"""Items, which represent the arguments of a gate, and rows with their results. Both are plain data for pickling."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Item:
 
 
 def items(what: Iterable[str | Path]) -> list[Item]:
-    """Convert arguments to items: two model files form a pair, four form two pairs; a single file forms a scene.
+    """Convert arguments to items: two model files form a pair, four form two pairs; any other file is a scene.
 
     Args:
         what: Built-in scenes, files, folders; all built-in scenes if empty.
@@ -51,7 +51,7 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     given = [*map(str, what)] or scene_names()
     models = [name for name in given if is_model(name)]
     if len(models) > 1 and len(models) % 2:
-        what_is = f"{len(models)} model files: the last one, {models[-1]}, has no partner"
+        what_is = f"an odd number of model files ({len(models)}): the last file, {models[-1]}, has no partner"
         raise DescriptionError(what_is, "check", "pass model files in pairs, or a single file")
     every = [Item(_stem(name), (name,)) for name in _scenes(name for name in given if name not in models)]
     if len(models) == 1:
@@ -150,7 +150,7 @@ WIDE = 1e-2
 
 
 def admissions(tolerances: Mapping[str, float], allow: Iterable[str] = ()) -> list[str]:
-    """List what a user admits deliberately: entries of ``allow``, and tolerances above `WIDE`."""
+    """List what a user explicitly allows: entries of ``allow``, and tolerances above `WIDE`."""
     wide = (f"{quantity} to {value:.3g}" for quantity, value in tolerances.items() if value > WIDE)
     return [*allow, *wide]
 
@@ -167,13 +167,13 @@ class GateRow:
         coverage: Sentence on what the motion tests.
         versions: Engine -> version.
         files: File -> SHA-256.
-        doubts: Sentences that qualify agreement, whatever the status: on implausible values and on model files.
-        remarks: Sentences that do not qualify agreement, e.g. that the home pose was solved for.
+        doubts: Sentences that qualify an agreement, given for any status: on implausible values and on model files.
+        remarks: Sentences that do not qualify an agreement, e.g. that the home pose was solved for.
         file, line: Likely place of the cause; line 0 if unknown.
         unread: Sentences on files that the scene names but that were not read.
-        read: Given names of the files that were read.
-        more: Sentence on what the files contain in addition to the compared rigid machine; empty if nothing.
-        admitted: What the user admits deliberately: differences and files that the scene allows, tolerances above
+        read: Names of the files that were read, as given.
+        more: Sentence on content of the files that is not part of the compared rigid machine; empty if there is none.
+        admitted: What the user explicitly allows: differences and files listed in the scene, and tolerances above
             `WIDE`.
         curve: For a scene that does not pass, time [s] and both values of the worst component at selected samples.
     """
@@ -203,5 +203,5 @@ class GateRow:
 
     @property
     def worst(self) -> Residual | None:
-        """The error that is largest relative to its tolerance; errors out of tolerance and of engine pairs go first."""
+        """The largest error relative to its tolerance; errors out of tolerance, then those of pairs, come first."""
         return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)

@@ -1,7 +1,7 @@
-"""Smoke test of readers and diagnosis: read, diagnose and import two model files of a built-in mechanism.
+"""Smoke test of readers, diagnosis and import with model files of built-in mechanisms.
 
-The URDF and the MJCF describe the same machine in different ways: fixed links, rotated frames, principal moments. The
-diagnosis must find them equal, and must find differences that are planted in the MJCF.
+A URDF and an MJCF describe the same machine with different fixed links, frames and inertia axes. The diagnosis must
+find both files equal, and must find differences that are planted in the MJCF.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _FILES = FOLDER / "files"
 PAIR = (str(_FILES / "spatial-slider-crank.urdf"), str(_FILES / "spatial-slider-crank.xml"))
 #: Property -> its item, a string in the MJCF, and its replacement: one value grows and one shrinks.
 PLANTED = {"damping": ("slide", 'damping="0.5"', 'damping="0.505"'), "mass": ("rod", 'mass="0.05"', 'mass="0.0495"')}
-#: Relative size of these differences; admitted error in the diagnosed size; and admitted asymmetry of A - B and B - A.
+#: Relative size of these differences; allowed error in the diagnosed size; allowed asymmetry between A - B and B - A.
 SIZE, EXACTLY, ALIKE = 1e-2, 0.02, 1e-6
 #: Mechanisms with loops, couplings of degree two and rotated inertias, whose home coordinates are nonzero, and with
 #: couplings of several coordinates.
@@ -38,7 +38,7 @@ def known_item() -> Item:
 
 
 def known_row(item: Item, settings: GateSettings) -> GateRow:
-    """Check that both files agree, that planted differences are found, and that imports match what was read."""
+    """Check that both files agree, that planted differences are found, and that imported models are unchanged."""
     row = compare_pair(item, settings)
     wrong = next(_failures(), "") if row.ok else ""
     return replace(row, status="failed", sentence=wrong) if wrong else row
@@ -58,22 +58,22 @@ def _failures() -> Iterator[str]:
 
 
 def _misses(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator[str]:
-    """Yield planted differences that a diagnosis misses or quantifies wrongly, in either order of the files."""
-    planted = f"{what} of {item} that differs by {SIZE:.0%}"
+    """Yield sentences on a planted difference that a diagnosis, in either order of the files, misses or misjudges."""
+    planted = f"{what} of {item} changed by {SIZE:.0%}"
     for each in (found, back):
         told = [(one.what, one.item_a, one.size) for one in each.differences]
         if each.same or [one[:2] for one in told] != [(what, item)]:
-            yield f"a planted difference, {planted}, is diagnosed as: {each.headline}"
+            yield f"a planted difference ({planted}) is diagnosed as: {each.headline}"
             return
         if not abs(told[0][2] - SIZE) <= EXACTLY * SIZE:
-            yield f"a planted difference, {planted}, is diagnosed with the size {told[0][2]:.3g}"
+            yield f"a planted difference ({planted}) is diagnosed with the size {told[0][2]:.3g}"
     one, other = (each.found.torques.value for each in (found, back))
     if not abs(one - other) <= ALIKE * max(one, other):
-        yield f"a planted difference, {planted}, changes torques by {one:.3g} or, in the other order, {other:.3g}"
+        yield f"a planted difference ({planted}) changes torques by {one:.3g}, but by {other:.3g} with files swapped"
 
 
 def _import_deviations(folder: Path, name: str) -> Iterator[str]:
-    """Yield differences between MuJoCo's reading, imported as a description, and Pinocchio's reading."""
+    """Yield a sentence if a description imported from the MJCF differs from the URDF."""
     texts = model_texts(load_mechanism(name))
     for ending in (".urdf", ".loops.toml", ".xml"):
         (folder / f"{name}{ending}").write_text(texts[f"{name}{ending}"], encoding="utf-8")
@@ -82,4 +82,4 @@ def _import_deviations(folder: Path, name: str) -> Iterator[str]:
     file.write_text(description(imported.mechanism), encoding="utf-8")
     again = diagnose(file, folder / f"{name}.urdf")
     if not again.same:
-        yield f"{name}.xml as imported differs from {name}.urdf: {again.headline}"
+        yield f"the description imported from {name}.xml differs from {name}.urdf: {again.headline}"

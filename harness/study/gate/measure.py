@@ -40,12 +40,12 @@ CURVE = 400  # number of samples kept for a scene that does not pass
 
 @dataclass(frozen=True, slots=True)
 class GateSettings:
-    """Settings for the check of items, which can be pickled.
+    """Settings for checking items. They can be pickled.
 
     Attributes:
-        tolerances: Admitted scaled errors of quantities whose tolerance the scene does not specify.
+        tolerances: Allowed scaled errors of quantities for which the scene does not specify a tolerance.
         tell: Function that describes a comparison in a sentence or two.
-        more: Function that describes in a sentence what files contain in addition to the compared machine.
+        more: Function that returns a sentence on content of the files that is not part of the compared machine.
         meshes: Compute mass and inertia of model files from meshes.
     """
 
@@ -67,7 +67,7 @@ def compare_scene(
 
     Args:
         progress: Called with the completed share and the running engine.
-        covered: Also describe what the motion tests, which takes time.
+        covered: Also describe what the motion tests, which takes extra time.
     """
     usual = settings.tolerances or {}
     given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
@@ -99,7 +99,7 @@ def compare_scene(
 
 
 def _status(results: Comparison, errors: Sequence[Residual]) -> Outcome:
-    """Return the weakest outcome of a comparison whose tolerances may have been widened for digits of a model file."""
+    """Return the weakest outcome of a comparison; `errors` may have wider tolerances for rounded model files."""
     outcomes = [*results.outcomes]
     if all(one.ok for one in errors):
         outcomes = [each for each in outcomes if each not in _SIZED] or ["agree"]
@@ -113,10 +113,10 @@ _SIZED: list[Outcome] = ["differ", "faulted", "undecided"]
 
 
 def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
-    """Return the files that make up a scene, including those that its description extends.
+    """Return the files that make up a scene, including files that its description extends.
 
     Args:
-        engines: Engines that ran; models and tables of all other engines are omitted. None for all.
+        engines: Engines that ran; models and tables of all other engines are omitted. None for all engines.
     """
     files = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
     used = [file for name, file in files.items() if engines is None or name in engines]
@@ -162,7 +162,7 @@ def derive_tolerance(results: Comparison, row: Mapping[Any, Any], given: Mapping
         differences = physical_differences(scene, solution.engine, model) if model else []
         if model and differences and all(each.kind == "digits" for each in differences):
             n = digits_of(read_file(model))
-            tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {model.name}"
+            tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits in {model.name}"
     return tolerance, reason
 
 
@@ -215,9 +215,9 @@ def compare_pair(item: Item, settings: GateSettings) -> GateRow:
     tolerance, reason = given or SAME, "from --tolerances" if given else "rounding"
     n = min(diagnosis.a.digits, diagnosis.b.digits)
     if not given and rounded:
-        tolerance, reason = SAME + DIGITS * 10.0 ** (1 - n), f"rounding, {n} digits of a file"
+        tolerance, reason = SAME + DIGITS * 10.0 ** (1 - n), f"rounding, {n} digits in a file"
         if n >= ALL:  # the difference is not due to rounding
-            tolerance, reason = INEXACT, "tensors as MuJoCo compiles them"
+            tolerance, reason = INEXACT, "accuracy of inertia tensors compiled by MuJoCo"
     found = diagnosis.found
     most = found.torques if found.agreement is None else found.agreement
     ok = most.scaled <= tolerance

@@ -38,7 +38,7 @@ def check_items(
 
     Args:
         execute: Executor of the checks; this process by default.
-        place: Folder of the report. With a folder, rows are kept on disk until all are complete.
+        place: Folder of the report. If given, finished rows are kept on disk until all are finished.
     """
     kept = Journal(place, address("check", settings.smoke, settings.tolerances, settings.meshes))
     tasks = []
@@ -70,7 +70,7 @@ def _time(item: Item, settings: GateSettings, progress: Callable[..., None]) -> 
 
 
 def check_item(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """Check an item; bad input and engines that fail become rows. `progress`: see `compare_scene`."""
+    """Check an item; report bad input and engine failures as rows. `progress`: see `compare_scene`."""
     try:
         row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
     except ScrewgaugeError as error:
@@ -91,9 +91,9 @@ def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
 
 
 def files_in(item: Item, *, meshes: bool = False) -> list[Path]:
-    """Return all files of an item that do not come with this package, including loops files and files that models name.
+    """Return all files of an item, including loops files and files that models refer to.
 
-    Temporary descriptions that are generated from models are omitted.
+    Files that come with this package, and temporary descriptions generated from models, are omitted.
     """
     with files_read() as read, suppress(ScrewgaugeError):
         models = []

@@ -67,11 +67,10 @@ def _name_quantities(other: Scene, scene: Scene) -> str:
 
 
 def reduce_scene(scene: Scene) -> tuple[Scene, str]:
-    """Reduce a scene to a few samples; return it with a sentence on them.
+    """Reduce a scene to a few samples; return it, and a sentence that describes the samples.
 
-    The samples are those of an exciting motion, or of the scene's own motion if the limits leave no room for
-    an exciting motion.
-    Simulations are shortened.
+    The samples are taken from an exciting motion, or from the scene's own motion if the limits leave no room for an
+    exciting motion. Simulations are shortened.
     """
     if scene.simulated:
         since = scene.start.since
@@ -90,11 +89,11 @@ def reduce_scene(scene: Scene) -> tuple[Scene, str]:
 
 
 def full_cuts(scene: Scene) -> Scene | None:
-    """Return a copy of a scene for `screw` and the full cuts of its engines, all on the description, with one quantity.
+    """Copy a scene for comparing `screw` with the full cuts of its engines, all based on the description.
 
-    No other test covers terms that only a full cut has, such as terms of welded copies of moving bodies, or the rule
-    `spherical_axial`, which is used if the mechanism permits it. Return None if there are no full cuts, if they run
-    anyway, or if the scene has no given motion.
+    No other test covers terms that occur only in a full cut, such as those of welded copies of moving bodies, or the
+    rule `spherical_axial`, which is used if the mechanism permits it. Return None if there are no full cuts, if they
+    run anyway, or if the scene has no given motion.
     """
     names = [name for name in (f"{engine}-full" for engine in scene.engines) if name in ENGINES]
     if scene.simulated or not names or {*names} <= {*scene.engines}:
@@ -107,7 +106,7 @@ def full_cuts(scene: Scene) -> Scene | None:
 
 
 def with_lagrange(scene: Scene) -> Scene | None:
-    """Reduce a built-in scene to `screw` and the independent formulation `lagrange`, with the quantities of both.
+    """Reduce a built-in scene to `screw` and the independent formulation `lagrange`, and to the quantities of both.
 
     Return None if `lagrange` runs anyway, or does not support the scene. Users can request `lagrange` in their own
     scenes.
@@ -119,7 +118,7 @@ def with_lagrange(scene: Scene) -> Scene | None:
 
 
 def _built_in_for(engine: str, scene: Scene) -> bool:
-    """Return True for a built-in scene with a given motion that an installed engine does not solve yet."""
+    """Return True if a scene is built in, has a given motion, and does not yet use the engine, which is installed."""
     known = scene.file is not None and built_in(scene.file)
     return known and not scene.simulated and engine not in scene.engines and ENGINES[engine].installed
 
@@ -127,9 +126,9 @@ def _built_in_for(engine: str, scene: Scene) -> bool:
 def with_truth(scene: Scene) -> Scene | None:
     """Reduce a built-in scene to one sample for `screw` and `truth`, without springs and motors, which truth refuses.
 
-    For scenes with loads, `truth` reads strings, for other scenes doubles, so that the smoke test covers both. Return
-    None if truth runs anyway, is not installed, or does not support the scene. Users can request `truth` in their own
-    scenes.
+    `truth` reads exact strings from scenes with loads, and doubles from other scenes, so that the smoke test covers
+    both. Return None if `truth` runs anyway, is not installed, or does not support the scene. Users can request `truth`
+    in their own scenes.
     """
     if not _built_in_for("truth", scene):
         return None
@@ -156,12 +155,12 @@ def find_blind_spot(results: Comparison) -> str:
     records = pairs.to_dict("records")
     for (quantity, unit), size in planted.items():
         rows = [row for row in records if (row["quantity"], row["unit"]) == (quantity, unit)]
-        what = f"{quantity} [{unit}]: a planted difference of {size:.3g} scaled"
+        what = f"{quantity} [{unit}]: a planted scaled difference of {size:.3g}"
         if len(rows) != 1:
             return f"{what} was not compared"
         (row,) = rows
         if not abs(row["max_scaled"] - size) <= EXACTLY * size:
-            return f"{what} was compared as {row['max_scaled']:.3g}"
+            return f"{what} was found as {row['max_scaled']:.3g}"
         if row["ok"]:
             return f"{what} passes a tolerance of {scene.tolerance(quantity):.3g}"
     return ""
@@ -170,7 +169,7 @@ def find_blind_spot(results: Comparison) -> str:
 def _plant_errors(solution: Solution, scene: Scene) -> tuple[Solution, dict[tuple[str, str], float]]:
     """Return a copy of an answer with planted errors, and the scaled size of the error for each quantity and unit.
 
-    Quantities that are zero throughout or not finite have no scale, and get no error.
+    Quantities that are zero throughout or not finite remain unchanged, because they have no scale.
     """
     changed, planted = dict[str, Values](), dict[tuple[str, str], float]()
     for quantity, values in solution.values.items():

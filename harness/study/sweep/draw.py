@@ -1,4 +1,4 @@
-"""Draws: the numbers of each variant depend only on its index, not on the process or the order of solution."""
+"""Draws: the numbers of each variant depend only on its index, not on when or in which process it is solved."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Draw:
         self.dimensions = sum(BODY if one.kind == "body" else 1 for one in plan.scatter)
 
     def values(self, rows: range) -> Array:
-        """Return the numbers of given variants. Shape (P, len(rows))."""
+        """Return the values of all varied numbers in given variants. Shape (P, len(rows))."""
         place = np.arange(rows.start, rows.stop)
         sizes = [len(values) for values in self.plan.grid.values()]
         at = np.unravel_index(place // self.plan.count, sizes) if sizes else ()
@@ -42,7 +42,7 @@ class Draw:
         )
 
     def _uniform(self, draws: Rows) -> Array:
-        """Return uniform numbers in (0, 1) for draws, the same at every grid point. Shape (dimensions, n)."""
+        """Return uniform numbers in (0, 1) for given draws, the same at every grid point. Shape (dimensions, n)."""
         plan, out = self.plan, np.empty((self.dimensions, len(draws)))
         if not self.dimensions:
             return out
@@ -61,7 +61,7 @@ class Draw:
         return np.clip(out, 1e-16, 1.0 - 1e-16)
 
     def scattered(self, uniform: Array) -> Array:
-        """Map uniform draws in (0, 1) to numbers. Shape (dimensions, n) -> (P without numbers of the grid, n)."""
+        """Map uniform draws in (0, 1) to scattered numbers. Shape (dimensions, n) -> (P - number of grid axes, n)."""
         found, row = list[Array](), 0
         for one in self.plan.scatter:
             if one.kind == "body":
@@ -75,7 +75,7 @@ class Draw:
         return np.concatenate(found) if found else np.empty((0, uniform.shape[1]))
 
     def deviations(self) -> list[tuple[Scatter, Array]]:
-        """Return the change in all numbers per standard deviation of each scatter. Shape (P, 1 or 10)."""
+        """Return each scatter with the changes of all numbers per standard deviation. Shape (P, 1 or 10)."""
         found, row = list[tuple[Scatter, Array]](), len(self.plan.grid)
         for one in self.plan.scatter:
             width = BODY if one.kind == "body" else 1

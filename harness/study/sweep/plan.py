@@ -1,4 +1,4 @@
-"""The file of a sweep: the numbers of a scene that scatter, their distributions, and the recorded statistics."""
+"""Sweep files, which specify the scattering numbers of a scene, their distributions, and the recorded statistics."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Scatter:
 
     @property
     def numbers(self) -> list[str]:
-        """Numbers of the scene that the scatter changes."""
+        """Full names of the numbers that scatter."""
         return [f"{self.name}.{entry}" for entry in ENTRIES] if self.kind == "body" else [self.name]
 
     @property
@@ -66,14 +66,14 @@ class Scatter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Request of a sweep, which can be pickled.
+    """Specification of a sweep. It can be pickled.
 
     Attributes:
-        scene: The scene about whose numbers the variants scatter.
-        count: Number of draws, at each point of the grid if there is a grid.
-        scatter: Numbers that scatter: a number is one dimension of the draw, a body ten dimensions.
+        scene: The nominal scene.
+        count: Number of draws, for each point of the grid if there is a grid.
+        scatter: What scatters: a number adds one dimension to a draw, and a body adds ten.
         grid: Full name of a number -> its values.
-        check: Number of variants that the engines of the scene check.
+        check: Number of variants that are checked by the engines of the scene.
         indices: Number of draws for Sobol's indices; 0 to omit them.
     """
 
@@ -166,7 +166,7 @@ def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> l
         Scatter(name, kind, _size(size, known[name], where), known[name]) for name in chosen(known, [pattern], where)
     ]
     if still := [one.name for one in found if not one.size]:
-        what = f"{first_few(still, 3)}: a percentage of zero does not scatter"
+        what = f"{first_few(still, 3)} cannot scatter by a percentage, because the nominal value is zero"
         raise DescriptionError(what, where, "state the scatter in the unit of the number")
     return found
 

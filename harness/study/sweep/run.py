@@ -1,4 +1,4 @@
-"""Sweep: chunks of variants as tasks, and the contribution of each number to the scatter of the results."""
+"""Runs sweeps in chunks of variants, and computes how much each number contributes to the scatter of the results."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from screwgauge.study.sweep.plan import Plan, Scatter
 if TYPE_CHECKING:
     from screwgauge.engines.screw.variants import Variants
 
-#: Number of variants per task, which takes seconds and has one row in the journal.
+#: Number of variants per task; a task takes seconds, and is one row in the journal.
 CHUNK = 4096
 #: Number of names listed in a sentence.
 NAMED = 3
@@ -34,7 +34,7 @@ NAMED = 3
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Statistic of a component, one column of the table."""
+    """Column of the table: a statistic of a component."""
 
     statistic: str
     quantity: str
@@ -47,17 +47,17 @@ class Column:
 
 
 def columns(plan: Plan) -> list[Column]:
-    """Return the columns of the table, sorted by statistic."""
+    """Return the columns of the table, grouped by statistic."""
     known = described(plan.scene.mechanism)
     each = [(quantity, *pair) for quantity in plan.quantities for pair in zip(*known[quantity], strict=True)]
     return [Column(statistic, *one) for statistic in plan.statistics for one in each]
 
 
 def _solve_chunk(plan: Plan, key: str, first: int, stop: int, progress: Progress) -> dict[str, Any]:
-    """Return the values as base64 text, one row per variant, and the reasons why variants have no values.
+    """Solve some variants; return their values as base64 text, and the reasons why variants have no values.
 
     Args:
-        key: Key of the plan, which a process compiles once.
+        key: Key of the plan, so that a process compiles it only once.
     """
     draw, variants = _compile(plan, key)
     motion, values = plan.scene.motion, draw.values(range(first, stop))
@@ -85,7 +85,7 @@ def _compile(plan: Plan, key: str) -> tuple[Draw, Variants]:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """Variant that the engines of the scene checked, each with its own model files."""
+    """Variant that was checked by the engines of the scene, each of which read its own model files."""
 
     variant: int
     ok: bool
@@ -102,7 +102,7 @@ class Sweep:
         why: Reason why a variant has no statistics; empty if it has statistics. Shape (V,).
         nominal: Statistics of the unchanged scene. Shape (C,).
         effects: Effect of each scatter.
-        indices: If requested, number -> Sobol's first-order and total indices for the column that scatters most.
+        indices: If requested, number -> Sobol's first-order and total indices for the column with the largest scatter.
     """
 
     plan: Plan
@@ -134,7 +134,7 @@ class Sweep:
 
     @property
     def sizes(self) -> Array:
-        """Scale of each column: the largest nominal value with its statistic and unit. Shape (C,)."""
+        """Scale of each column: the largest nominal value for the same statistic and unit. Shape (C,)."""
         keys = [(column.statistic, column.unit) for column in self.columns]
         largest = dict.fromkeys(keys, 0.0)
         for key, value in zip(keys, self.nominal, strict=True):
@@ -162,7 +162,7 @@ def sweep(
 
     Args:
         execute: Executor of the chunks; this process by default.
-        place: Folder of the report. With a folder, chunks are kept on disk until all are complete.
+        place: Folder of the report. If given, finished chunks are kept on disk until all are finished.
 
     Raises:
         ScrewgaugeError: The variation would remove the mobility of the machine, or the scene's motion cannot be
@@ -211,11 +211,11 @@ def _files(plan: Plan) -> list[Path]:
 
 
 def _check_mobility(plan: Plan, variants: Variants) -> None:
-    """Reject, before any variant is solved, numbers whose change removes the mobility of an overconstrained machine."""
+    """Reject numbers whose change would remove the mobility of an overconstrained machine, before solving variants."""
     if costs := [*variants.cannot_change]:
         where = str(plan.file)
-        what = f"{first_few(costs, NAMED)} cannot change alone: the loops would stay open"
-        raise DescriptionError(what, where, "omit these numbers, or move the remaining parts as a whole")
+        what = f"{first_few(costs, NAMED)} cannot change separately, because the loops would no longer close"
+        raise DescriptionError(what, where, "omit these numbers, or move all affected parts together")
 
 
 def _read(row: Mapping[str, Any], count: int, width: int) -> tuple[Array, Any]:
@@ -249,7 +249,7 @@ def _slopes(plan: Plan, variants: Variants) -> tuple[Array, Array]:
 
 
 def _statistic(name: str, x: Array) -> tuple[float, Array]:
-    """Return a statistic of a time series, and its derivative with respect to each value. Shape (n,)."""
+    """Return a statistic of a time series, and its derivatives with respect to all values, shape (n,)."""
     n, at = len(x), np.zeros(len(x))
     if name == "mean":
         return float(x.mean()), at + 1.0 / n
@@ -262,13 +262,13 @@ def _statistic(name: str, x: Array) -> tuple[float, Array]:
 
 
 def _check_variants(plan: Plan, draw: Draw, rows: Rows) -> Iterator[Checked]:
-    """Check selected variants with the engines of the scene, each with its own model files."""
+    """Check selected variants with the engines of the scene, each engine using its own model files."""
     from screwgauge.study.run import run
 
     for i in rows[spread(len(rows), plan.check)].tolist() if len(rows) and plan.check else ():
         given = dict(zip(draw.names, draw.values(range(i, i + 1))[:, 0].tolist(), strict=True))
         try:
-            with np.errstate(all="ignore"):  # a NaN becomes a row with its reason
+            with np.errstate(all="ignore"):  # a NaN is reported in a row
                 results = run(plan.scene.with_(given), quantities=plan.quantities)
         except ScrewgaugeError as error:
             yield Checked(i, False, np.nan, str(error))
