@@ -252,7 +252,7 @@ def shuffled(rng: np.random.Generator, table: Tables) -> Tables:
 
 
 def _frame(body: tuple[Array, Array], R: Array, point: Array) -> Tables:
-    """Express a frame, given in the world frame, in a body frame."""
+    """Transform a frame from world coordinates to the coordinates of a body frame."""
     turn = body[0].T @ R
     table: Tables = {"position": (body[0].T @ (point - body[1])).tolist()}
     return table if np.array_equal(turn, np.eye(3)) else {**table, "rotation": {"matrix": turn.tolist()}}

@@ -169,7 +169,7 @@ def choose_independent(
 
 
 def _first_of(K: Array, tiers: Iterable[tuple[Sequence[int], float]]) -> list[int]:
-    """Select rows by priority; skip a row unless a given share of it is independent of the selected rows. (n, k)."""
+    """Select rows by priority; skip a row if too small a share of it is independent of selected rows. Shape (n, k)."""
     rest, sizes, chosen = K.copy(), np.linalg.norm(K, axis=1), list[int]()
     for rows, least in tiers:
         for row in rows:

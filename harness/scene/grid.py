@@ -61,7 +61,8 @@ class GridMotion:
         path: Independent coordinates of the cells along the walk, including backtracking. Shape (p, k).
         reached: Index on the path at which each cell is first reached. Shape (n,).
         missing: Cells without results.
-        freedoms: Coordinates that the grid does not vary and that no actuator drives; at rest, but free to accelerate.
+        freedoms: Coordinates that the grid does not vary and that no actuator drives; they are at rest in each cell,
+            but may accelerate.
     """
 
     labels: tuple[str, ...]

@@ -32,7 +32,7 @@ class Observable:
     Attributes:
         unit: ``rad`` or ``m``.
         coordinate: Joint coordinate; empty for a point.
-        body, point, axis: Body of the point, point in the body frame [m], shape (3,), and world axis 0, 1 or 2.
+        body, point, axis: Body of the point, its position in the body frame [m], shape (3,), and world axis 0, 1 or 2.
     """
 
     name: str

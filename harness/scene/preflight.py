@@ -38,7 +38,7 @@ def check_scene(scene: Scene) -> Mobility:
         Counts of the degrees of freedom; a force counts as unique only if it is unique at every pose examined.
 
     Raises:
-        ScrewgaugeError: The motion leaves the limits, the loops do not close, or a pose is singular.
+        ScrewgaugeError: The motion exceeds a limit, the loops do not close, or a pose is singular.
     """
     check_rest(scene)
     try:

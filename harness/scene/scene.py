@@ -1,4 +1,4 @@
-"""A scene: mechanism, motion, acting forces and wanted quantities. Plain data that can be pickled."""
+"""A scene: mechanism, motion, acting forces and requested quantities. Scenes are plain data and can be pickled."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ DIFFERENCE = 2.0**-17
 
 
 def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
-    """Reject an impossible start, and warn about a stiff scene.
+    """Reject an impossible initial state, and warn about a stiff scene.
 
     Returns:
         The layout of the mechanism, and warnings to show.
