@@ -167,8 +167,7 @@ Task = GivenMotion | InitialValue | States
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """Strings from which the values of a scene were rounded to doubles, for exact readers; None where the doubles are
-    exact.
+    """Strings of a scene before rounding to doubles, for exact readers; None where the doubles are exact.
 
     Attributes:
         motion: Label -> table of the motion.

@@ -105,7 +105,7 @@ class Error:
         absolute: Unit -> absolute error from `source`, for values that may be zero [unit].
         condition: Condition number of the systems that determine the quantity; NaN if unknown. Shape (n,).
         source: Source of the absolute error.
-        radius: Rigorous bounds on the distance to the true value, in the shape of the values; None if the engine does
+        radius: Rigorous bounds on the distance to the true value, with the shape of the values; None if the engine does
             not compute bounds.
         precision: Name of the number type of the computation. If it is not float64, the caller of the engine estimates
             the errors and ignores the engine's own estimate.

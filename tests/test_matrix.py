@@ -83,7 +83,8 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
     first, _, _ = text.partition("## Environment")
     assert "3.9.0, 4.1.0, 9" in first
     assert "| 4.1.0 | 4.0.0 | differ | 1 of 2 |" in text
-    assert "pin 3.9.0 and 4.1.0 with mujoco 4.0.0: scenes out of tolerance in reaction 1; the first: t: they" in text
+    said = "pin 3.9.0 and 4.1.0 with mujoco 4.0.0: scenes out of tolerance, by quantity: reaction 1; the first: t: they"
+    assert said in text
     assert text.index("| differ |") < text.index("the first: t: they") < text.index("| python |")
 
 

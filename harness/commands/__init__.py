@@ -318,7 +318,7 @@ def casebook(options: argparse.Namespace) -> int:
 
 
 def limits(options: argparse.Namespace) -> Limits:
-    """Return the time and memory limits of a process that the options set."""
+    """Return the limits that the options set on the time and memory of a process."""
     from screwgauge.study.isolation import Limits
 
     given = {"seconds": options.limit, "memory": options.memory}

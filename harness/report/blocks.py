@@ -24,7 +24,7 @@ _NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no
 
 
 class Marked(str):
-    """A string of this package with **bold**, *emphasis* and `code`; text from elsewhere is never marked."""
+    """A string of this package with **bold**, *emphasis* and `code`; strings from elsewhere are never marked."""
 
     __slots__ = ()
 

@@ -70,7 +70,7 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
     ours = {MANIFEST, *unchanged_files(out)}
     for name in names:
         if not force and name not in ours and (out / name).exists():
-            what = f"{name} exists, and was not written by an earlier report or was changed since (see {MANIFEST})"
+            what = f"{name} exists, but is not from an earlier report, or has changed since (see {MANIFEST})"
             raise OutputError(what, str(out), f"{_ELSEWHERE}, or {overwriting()}")
 
 
@@ -146,7 +146,7 @@ def unchanged_files(out: Path) -> set[str]:
     """Return the names of a report's unchanged files in a folder; empty if there is no report.
 
     Raises:
-        OutputError: The file `MANIFEST` is not such a list.
+        OutputError: The file `MANIFEST` does not contain a list.
     """
     return {name for name, digests in _read_list(out).items() if _digest(out / name) in digests}
 
@@ -154,7 +154,7 @@ def unchanged_files(out: Path) -> set[str]:
 def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
     """Return the list of a report's files, to be written before the report.
 
-    For a replaced file, the list contains the old and the new digest, so that each file matches one of them whenever
+    For a replaced file, the list contains the old and the new digest, so that each file matches one of them even if
     writing is interrupted.
 
     Args:

@@ -106,7 +106,7 @@ class Report:
             force: Replace existing files, whatever their origin.
 
         Raises:
-            ReportError: The data were written, but pages or some pictures were not.
+            ReportError: The data were written, but the pages or some pictures were not.
         """
         with suppress(OSError):
             RENDERER.start()  # the data are written while it starts

@@ -1,4 +1,4 @@
-"""Sentences about forces that files define and no engine includes: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
+"""Sentences on forces that files define but no engine includes: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def sentences(results: Comparison, *, agree: bool) -> list[str]:
     text = additions(results)
     who = listed(results.solutions)
     if len(results.solutions) == 1:
-        head = f"{who} refers to the rigid machine; {text}."
+        head = f"The results of {who} refer to the rigid machine; {text}."
     else:
         head = f"{who} agree on the rigid machine; {text}." if agree else f"{text.replace('the file', 'The file', 1)}."
     return [head, *contained_sentences(results)]

@@ -217,7 +217,7 @@ def about(scene: Scene, t: Array) -> dict[str, Any]:
         "gravity": f"{vector(scene.applied.g)} m/s²",
         "load": [*map(_load, scene.applied.loads)],
         "motion": [f"{label} = {_inline(table)}" for label, table in scene.text.get("motion", {}).items()],
-        "left to the forces": [*assumptions(scene)],
+        "undriven coordinates": [*assumptions(scene)],
         "grid": "" if scene.grid is None else scene.grid.extent,
         "cells without numbers": [] if scene.grid is None else scene.grid.told,
         "spring and damper": [*map(_spring, scene.applied.springs)],

@@ -53,7 +53,7 @@ class Results(Shown, Comparison):
         """Write times and values exactly as CSV with units in the header; a scene can use such a file as its table.
 
         Args:
-            path: A file ``NAME.csv``, or a folder, in which each engine gets a file with its name.
+            path: A file ``NAME.csv``, or a folder for a file ``ENGINE.csv`` of each engine.
             engine: Name of the engine whose values are written; by default, the first engine for a file, and all
                 engines for a folder.
             quantities: Names; by default positions, actuator forces, reactions, observables, and quantities that are

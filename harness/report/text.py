@@ -47,7 +47,7 @@ def _lines(block: Block) -> list[str]:
 
 
 def _table(lines: list[list[str]], block: b.Table) -> list[str]:
-    """Align columns, numbers to the right; wrap long text; list the names of columns that still do not fit."""
+    """Align columns, with numbers on the right; wrap long text; list the names of columns that still do not fit."""
     columns = dict(enumerate(zip(*lines, strict=True)))
     left_out = list[str]()
     while _excess(widths := _widths(columns, block)) > 0 and len(columns) > 1:

@@ -105,7 +105,7 @@ def _unjudged(results: Comparison) -> list[str]:
 
 
 def _report_undecided(results: Comparison) -> list[str]:
-    """Report undecided samples; the pair or residual with the most undecided samples is the example."""
+    """Report undecided samples, with the pair or residual that has the most of them as an example."""
     found = [row for row in [*compared_pairs(results), *rows(results.judge)] if row["undecided"]]
     row = max(found, key=lambda row: row["undecided"])
     count = f"{results.undecided} of {len(results.times)} samples"
@@ -228,7 +228,7 @@ def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
 
 
 def _of_narrow(narrow: list[Row]) -> Iterator[str]:
-    """Report the agreeing digits of each method in a narrow number type, and the digits that the type allows."""
+    """Report the digits to which each method in a narrow number type agrees, and the digits that the type allows."""
     names = dict.fromkeys(name for row in narrow for name in (row["a"], row["b"]) if number_type(name) is not FLOAT64)
     for name in names:
         row = max((row for row in narrow if name in (row["a"], row["b"])), key=lambda row: row["max_scaled"])
@@ -237,7 +237,7 @@ def _of_narrow(narrow: list[Row]) -> Iterator[str]:
 
 
 def _of_float64(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
-    """Report the agreeing digits in float64, and return the open-tree quantities with fewer digits."""
+    """Report the digits of agreement in float64, and return the open-tree quantities with fewer digits."""
     counted = [row for row in agree if not has_excuse(row, simulated)] or agree
     asked = [row for row in counted if row["quantity"] not in OPEN_TREE] or counted
     least = max(asked, key=lambda row: row["max_scaled"])

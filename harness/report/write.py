@@ -1,4 +1,4 @@
-"""Writing of reports: first the data, all or none; then pages, and a PDF on request."""
+"""Writes reports: first the data, all of them or none; then the pages, and a PDF on request."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def browser() -> str:
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
         raise OutputError(
-            f"{PDF} needs Chromium or Chrome, and neither was found", "", "install either, or leave out the PDF"
+            f"{PDF} needs Chromium or Chrome, and neither was found", "", "install one of them, or omit the PDF"
         )
     return path
 

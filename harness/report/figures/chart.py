@@ -96,7 +96,7 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
 
 
 def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int = 7) -> Spec:
-    """Build template values ``x_scale`` and ``x_axis``, or ``y_scale`` and ``y_axis``, with a tick per decade or more.
+    """Build template values ``x_scale`` and ``x_axis``, or ``y_scale`` and ``y_axis``, for a logarithmic axis.
 
     Args:
         values: Values to draw; only positive values can be drawn.
@@ -169,7 +169,7 @@ def _place_labels(spec: Spec) -> Spec:
 
 
 def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
-    """Thin samples without visible loss: keep the ends, the extremes of each interval, and gaps of missing numbers.
+    """Thin samples without visible loss: keep the ends, the extremes of each interval, and gaps in the numbers.
 
     Args:
         values: Shape (n,).

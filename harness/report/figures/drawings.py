@@ -36,7 +36,7 @@ class Drawing:
 
     @property
     def names(self) -> list[str]:
-        """All components."""
+        """Names of all components."""
         return [name for _, some in self.panels for name in some]
 
     @property
@@ -50,11 +50,11 @@ class Drawing:
             )
         if not self.others:
             return ""
-        return f"Not shown: {self.others} of {n} components, which have no unique value. Digits refer to the rest."
+        return f"Not shown: {self.others} of {n} components, which have no unique value. Digits refer to the others."
 
 
 def named_drawings(comparison: Comparison) -> dict[str, Drawing]:
-    """Return name of a picture -> its drawing."""
+    """Return picture name -> drawing."""
     drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
     return {f"{i:02d}-{file_name(each.title)}": each for i, each in enumerate(drawn, 1)}
 

@@ -263,7 +263,7 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
         yield f"Not drawn as curves, because they are not comparable with {shown[0]}: {', '.join(others)}."
     names = subject.drawing.names
     if drawn < len(names):
-        yield f"Curves: the {drawn} of {len(names)} components that move most. Differences: all {len(names)}."
+        yield f"Curves: the {drawn} of {len(names)} components that vary most. Differences: all {len(names)}."
     for engine, solved in subject.solved.items():
         known = np.all([np.isfinite(subject.values[engine][name]) for name in subject.given(engine)], axis=0)
         bad = subject.t[solved & ~known]

@@ -51,21 +51,21 @@ def _banner(found: Identification) -> Banner:
 
 
 def _unseen(found: Identification) -> Iterator[str]:
-    """Yield sentences on moments that can be shifted through a joint without effect, and on numbers without effect."""
+    """Yield sentences on mass moments that may shift through a joint unnoticed, and on numbers that have no effect."""
     through = [one for one in found.structure.directions if one.kind != LIST]
     for (joint, kind, bodies), some in groupby(through, lambda one: (one.joint, one.kind, one.bodies)):
         axes = [one.axis for one in some]
         many, where = len(axes) > 1, "at the centre" if kind == MASS else f"({listed(axes)})"
         what = f"{kind}s {where} of {joint}" if many else f"a {kind} {where} of {joint}"
-        ends = f"may pass between {listed(bodies)}"
-        yield f"{what} {ends if len(bodies) > 1 else f'on {bodies[0]} ' + ('are' if many else 'is') + ' not seen'}"
+        ends = f"may shift between {listed(bodies)}"
+        yield f"{what} {ends if len(bodies) > 1 else f'on {bodies[0]} ' + ('are' if many else 'is') + ' unobservable'}"
     lists = [[*one.entries] for one in found.structure.directions if one.kind == LIST]
     if alone := [names[0] for names in lists if len(names) == 1]:
-        yield f"{first_few(alone, SHOWN)} {'is' if len(alone) == 1 else 'are'} not seen"
+        yield f"{first_few(alone, SHOWN)} {'is' if len(alone) == 1 else 'are'} unobservable"
 
 
 def _lists(found: Identification) -> Iterator[Row]:
-    """Yield groups of numbers that only change together, largest effect first."""
+    """Yield groups of numbers that may change together without changing any force."""
     for one in found.structure.directions:
         some = [f"{number(value, 3)} {name}" for name, value in one.entries.items()]
         if one.kind == LIST and len(some) > 1:

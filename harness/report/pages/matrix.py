@@ -31,7 +31,7 @@ def _pairs(some: Iterable[Row]) -> str:
 
 def _reasons(table: pd.DataFrame) -> list[str]:
     """List the reasons for failures, with the number of failing scenes; version pairs with one reason share a line."""
-    amount, grouped = "scenes out of tolerance in {differing}; the first: ", dict[str, list[Row]]()
+    amount, grouped = "scenes out of tolerance, by quantity: {differing}; the first: ", dict[str, list[Row]]()
     for row in rows(table):
         if row["reason"]:
             grouped.setdefault((amount * bool(row["differing"]) + "{reason}").format(**row), []).append(row)

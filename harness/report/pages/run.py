@@ -1,4 +1,4 @@
-"""The report of a run: verdict, then evidence; and its summary, tables, and terminal output."""
+"""The report of a run: the verdict, the evidence, a summary, tables, and terminal output."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def published(results: Comparison) -> list[Row]:
 
 
 def published_row(item: Published) -> Row:
-    """Build the table row of a published result; its error goes into the column of what was measured."""
+    """Build the table row of a published result, with its error in the column of the measured quantity."""
     off = "" if missing(item.accuracy) else size(item.accuracy)
     errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
     cpu_s = None if missing(item.cpu_s) else item.cpu_s

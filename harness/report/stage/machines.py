@@ -58,7 +58,7 @@ class DrawnMachine:
             yield name, self.point(frame[:3, 3])
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Yield the lines that represent each body; they connect its joints, closures or, failing these, its mass."""
+        """Yield the lines that represent each body; they connect its joints and closures, or its joint and its mass."""
         at, masses, held = self.joints(), self.masses(), [*self.closures()]
         behind = dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
