@@ -70,6 +70,6 @@ def test_the_command_writes_the_partial_report_and_ends_with_3(pair, tmp_path, i
     out = tmp_path / "out"
     assert "STOPPED" in command("diagnose", *map(str, pair), "--limit", "1e-9", "--out", out, status=3).out
     assert json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))["left_out"]
-    assert "There was no time for" in (out / "report.md").read_text(encoding="utf-8")
+    assert "Omitted for lack of time" in (out / "report.md").read_text(encoding="utf-8")
     for bad in ("0", "-1", "nan"):
         assert "--limit" in command("diagnose", *map(str, pair), "--limit", bad, status=2).err

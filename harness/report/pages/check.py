@@ -81,7 +81,7 @@ def _banner(check: Check) -> Banner:
 
 
 def _admitted(check: Check) -> list[str]:
-    """List the accepted differences and their scenes."""
+    """List the allowed differences and their scenes."""
     scenes: dict[str, list[str]] = {}
     for row in check.rows:
         for each in row.admitted:
