@@ -182,7 +182,7 @@ def format_change(a: float, b: float) -> str:
 
 
 def _tensors(a: Array, b: Array) -> str:
-    """Format the difference between two tensors: the only differing entry, a change of axes, or principal moments."""
+    """Format the difference between two tensors: the one entry that differs, a change of axes, or principal moments."""
     apart = np.triu(np.abs(a - b))
     entries = np.argwhere(apart > 1e-6 * apart.max())
     if len(entries) == 1:

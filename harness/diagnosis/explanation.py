@@ -78,9 +78,9 @@ class Explanation:
 
     @property
     def plain(self) -> bool:
-        """True if no explanation can be shorter: one cause, or conventions only.
+        """True if no other explanation can have fewer causes: one cause, or conventions only.
 
-        A single displacement at a round body, or one difference shared by a left and a right part, may instead be a
+        A single displacement of a round body, or one difference shared by a left and a right part, may instead be a
         rotation of the whole machine.
         """
         counting = self.whole is None and all(fact.kind == "convention" for fact in self.real)
@@ -90,7 +90,7 @@ class Explanation:
 
     @property
     def _settled(self) -> bool:
-        """True if all parts have the same placement, which rules out a shorter alignment.
+        """True if all parts have the same placement, which rules out a better alignment.
 
         Differences in centre of mass are allowed in bodies with different masses, unless most masses differ, in which
         case the unit of mass may differ.

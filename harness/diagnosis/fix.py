@@ -135,7 +135,7 @@ def _to_pose_of_file(changes: Iterable[Change], written: Reading, posed: Reading
 
 
 def _carrier(change: Change, written: Reading, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-    """Return the displacement of the changed joint's parent body, or of its child body if the change is a seat."""
+    """Return the displacement of the changed joint's parent body, or of its child body for a change of ``seat``."""
     if change.what == "seat":
         return after[written.moved_by(change.item)]
     return before.get(change.item, np.eye(4))
@@ -215,7 +215,7 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
 
 
 def make_speller(text: str) -> Callable[[str], str]:
-    """Build a function that replaces computed numbers with nearly equal numbers from a file, or short decimals.
+    """Build a function that replaces computed numbers with nearly equal numbers from a file or with short decimals.
 
     Multiplying frames leaves rounding errors in the last digits, including tiny numbers in place of zeros.
 

@@ -192,7 +192,7 @@ _Dynamics = Callable[[ReadingTree, TreeStates], Array]
 
 @dataclass(frozen=True, slots=True)
 class Together:
-    """Torques of both models, as the libraries compute them from the loaded files with all forces.
+    """Torques of both models, computed by the libraries from the loaded files and including all forces.
 
     Attributes:
         row: Largest difference, projected onto the motions that loops allow.

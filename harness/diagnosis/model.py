@@ -45,7 +45,7 @@ class Model:
         file: Model file; None for a built-in mechanism.
         library: ``pinocchio``, ``mujoco``, ``yourdfpy``; ``screwgauge`` for a description.
         floating: True if the base of a URDF is read as floating.
-        digits: Number of digits to which the numbers of the file are rounded.
+        digits: Number of digits to which the numbers in the file are rounded.
         sha256: Digest of the file; empty without a file.
         loops: File with the closures of a URDF; `loops_sha256`: its digest.
         own: The user's file, if `file` is a copy of it with mass and inertia from meshes.
@@ -133,7 +133,7 @@ class Weighed:
 
 
 def weigh_side(given: str | Path, folder: Path) -> Weighed:
-    """Copy a model of a diagnosis with mass and inertia from meshes, if its file uses them.
+    """Copy a model's file with mass and inertia computed from meshes, if any mass comes from meshes.
 
     Args:
         folder: Folder for the copy.

@@ -52,7 +52,7 @@ def namesakes(reading: Reading) -> Partners:
 def follow(
     leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners
 ) -> tuple[TreeStates, Array, NDArray[np.bool_]]:
-    """Find the states of a tree at which its bodies move like their partners, with Newton's method.
+    """Use Newton's method to find the states of a tree at which its bodies move like their partners.
 
     Returns:
         States of the follower; matrix that maps the leader's velocities to the follower's velocities, shape

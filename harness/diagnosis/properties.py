@@ -84,7 +84,7 @@ def reverse(reading: Reading, name: str) -> Reading:
 
 
 def shift_home(reading: Reading, name: str, home: float) -> Reading:
-    """Shift the coordinate of a joint to a different home coordinate, including limits, spring rest and couplings."""
+    """Shift the coordinate of a joint to a different home value, along with limits, spring rest and couplings."""
     joint = reading.joints[name]
     step = home - joint.home
     low, high = joint.limits
@@ -157,8 +157,8 @@ class Property:
         scales: True if the property may differ by a common factor in many parts.
         default: Value if a file omits the property; None if every file specifies it.
         urdf, mjcf: Element and, after an ``@``, attribute that contain the property; empty if the format lacks it.
-        entry: Name of the entry in a reading, if it differs from the name of the property.
-        write: Function that returns the reading with a new value for a part, if that changes more than one entry.
+        entry: Name of the field in a reading, if it differs from the name of the property.
+        write: Function that returns the reading with a new value for a part, if that changes more than one field.
         cases: Library that ignores the property -> casebook entry.
         call: Casebook entry on inverse dynamics that contain the property in one library but not in another library.
     """
@@ -297,7 +297,7 @@ RIGID = frozenset(
 
 
 def noun_of(what: str) -> str:
-    """Return the noun of a property."""
+    """Return the noun for a property."""
     return (PROPERTIES[what].noun if what in PROPERTIES else "") or what
 
 
@@ -313,7 +313,7 @@ class Change:
     """A property and its new value.
 
     Attributes:
-        item: Name of a body, joint, closure, coupling or actuator of the reading; empty for the model.
+        item: Name of a body, joint, closure, coupling or actuator in the reading; empty for the whole model.
         what: Key of `PROPERTIES`.
         value: New value, with the shape of the property.
     """

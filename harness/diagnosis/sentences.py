@@ -62,7 +62,7 @@ def news(found: Findings) -> Iterator[str]:
 
 
 def _gravity(found: Findings) -> Iterator[str]:
-    """Warn if the gravity that libraries assume for a file without gravity differs from the other file's."""
+    """Warn if the gravity that libraries assume for a file without gravity differs from that in the other file."""
     side = other_gravity(found.a.reading, found.b.reading)
     if side and not found.only:
         stated = known_gravity((found.b if side == "A" else found.a).reading.gravity)
@@ -148,7 +148,7 @@ def _force(found: Findings, *, several: bool = False) -> str:
 
 
 def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
-    """Return subject and verb of a sentence about the given causes, which may be a subset of all causes."""
+    """Return the subject and verb of a sentence about the given causes, which may be a subset of all causes."""
     if len(some) < len(causes):
         return f"{len(some)} of these causes change{'s' * (len(some) == 1)}"
     return "It changes" if len(some) == 1 else "They change"

@@ -142,7 +142,7 @@ class Torques:
         return tau - self.own if tau.shape == self.own.shape and np.all(np.isfinite(tau)) else None
 
     def changed(self, facts: Iterable[Fact]) -> Reading:
-        """Return the machine with B's values; a transformation of the whole is applied last.
+        """Return the machine with B's values; a transformation of the whole machine is applied last.
 
         Raises:
             ScrewgaugeError: A change refers to a part that a different change removes.

@@ -126,7 +126,7 @@ class Speaker:
             return self.group([fact for fact in facts if fact.part == first.part]) + likewise
         if first.what == "name":
             pairs = first_few([f"{fact.a} is {fact.b}" for fact in facts], _NAMED)
-            return f"{len(parts)} joints have names of other joints in B{'' if self.brief else f': {pairs}'}"
+            return f"{len(parts)} joints have the names of different joints in B{'' if self.brief else f': {pairs}'}"
         if first.what in _SUBTREES and not {fact.what for fact in facts} - {first.what}:
             return f"{len(parts)} {_SUBTREES[first.what]} {other_side(first.side)}{names}"
         if _in_another_order(facts):
@@ -240,8 +240,8 @@ def _format(value: float | str) -> str:
 def _zero(speaker: Speaker, fact: Fact) -> str:
     if fact.unit == "rad":
         amount = "" if speaker.brief else f" ({fact.b:+.6g} rad)"
-        return _of(fact, f"its zero is turned in B by {math.degrees(fact.b):+.6g} deg about the axis{amount}")
-    return _of(fact, f"its zero is shifted in B by {1e3 * fact.b:+.6g} mm along the axis")
+        return _of(fact, f"in B its zero is turned by {math.degrees(fact.b):+.6g} deg about the axis{amount}")
+    return _of(fact, f"in B its zero is shifted by {1e3 * fact.b:+.6g} mm along the axis")
 
 
 def _end(speaker: Speaker, fact: Fact) -> str:
@@ -268,7 +268,8 @@ def _link(speaker: Speaker, fact: Fact) -> str:
         weld = "weld " * ("weld" in (fact.a, fact.b))
         return f"{weld}{fact.part} is in {fact.side} only"
     return (
-        f"{fact.part} is missing from {other_side(fact.side)}, with only {first_few(fact.more, _NAMED)} ({fact.of} kg)"
+        f"{fact.part} is missing from {other_side(fact.side)}, and of its subtree only {first_few(fact.more, _NAMED)} "
+        f"({fact.of} kg)"
     )
 
 
@@ -293,7 +294,7 @@ def _leading_joint(speaker: Speaker, fact: Fact) -> str:
         f"follows {lead}" if lead else f"is held at {value[0]:.6g}"
         for lead, value in zip(fact.more, (fact.a, fact.b), strict=True)
     ]
-    return f"{fact.part} {told[1]} in B, {told[0]} in A"
+    return f"{fact.part} {told[1]} in B, but {told[0]} in A"
 
 
 def _is_unit(factor: float, unit: str) -> bool:
@@ -310,7 +311,7 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
     mirror, step = whole.step
     if fact.of:
         turn = step_in_axes(step[0], [_THERE], "deg")
-        return f"{fact.of}: its zero, and the whole model with it, is turned in B by {turn}"
+        return f"{fact.of}: in B its zero, and the whole model with it, is turned by {turn}"
     if whole.length == 1.0 and whole.mass == whole.inertia != 1.0 and np.allclose(whole.placement, np.eye(4)):
         weights = f"{whole.mass:.6g} times as large in B ({percent(whole.mass)})"
         return f"masses and inertias of all bodies are {weights}"
@@ -329,9 +330,9 @@ _SENTENCES = {
     "sign": "{fact.part} is measured in the opposite direction in B[ (its axis is reversed)]",
     "placement": "{fact.part} is displaced in B[, with its subtree]: {step}",
     "axis": "{fact.part}: in B its axis is {step}[; its child is not moved]",
-    "start": "{fact.part} starts at a different pose in B, {step}[; a free body has the same motions]",
+    "start": "{fact.part} starts at a different pose in B, {step}[; a free body can perform the same motions]",
     "name": "{fact.part} is called {fact.b} in B, where {fact.part} is a different joint",
-    "fixed": "{fact.part} does not move in {other}{at}[: there its child and parent are one body]",
+    "fixed": "{fact.part} does not move in {other}{at}[: its child and parent are one body there]",
     "held": "{fact.part} is held at {value:.6g} {fact.unit} in {fact.side} only",
     "coupling": "{fact.part} follows {value} in {fact.side} only",
     "actuator": "actuator {fact.part} of {fact.of} is in {fact.side} only",

@@ -107,7 +107,7 @@ class Coverage:
         sentences = list[str]()
         if self.inertia and self.inertia[1] < STATICS:
             name, share = self.inertia
-            sentences.append(f"Inertia is {100.0 * share:.2g} % of {name}: this motion tests statics.")
+            sentences.append(f"Inertia is {100.0 * share:.2g} % of {name}: this motion tests only statics.")
         names, terms = [[n for n in some if n not in self.hidden] for some in (self.untested, self.absent)]
         if names or terms:
             sentences.append(f"Not tested here: {_count(names, terms)}.")
@@ -126,7 +126,7 @@ class Coverage:
         n = len(self.parameters)
         if not n:
             return "No inertial parameter is tested: no force is compared."
-        tested = f"{n - len(self.untested)} of {n} inertial parameters and points of loads are tested"
+        tested = f"{n - len(self.untested)} of {n} inertial parameters and load points are tested"
         return f"{tested}. {self.poor}".strip()
 
 

@@ -57,7 +57,7 @@ class Unexplained:
 
     @property
     def loose(self) -> float:
-        """Relative error that the printed digits of the files allow."""
+        """Relative error implied by the printed digits of the files."""
         return max(each.loose for each in self.files)
 
     def of(self, *whats: str) -> list[Fact]:
@@ -144,7 +144,7 @@ def _orders(case: Unexplained) -> Iterator[Reason]:
         facts = [fact for fact in case.of(*whats) if any(fact.part in cycle for cycle in cycles)]
         orders = (", ".join(order) for order in (cycles[0], map(names.__getitem__, cycles[0])))
         yield Reason(
-            "joint order", tuple(facts), (*orders, f"; {len(cycles) - 1} more groups like this" * (len(cycles) > 1))
+            "joint order", tuple(facts), (*orders, f"; {len(cycles) - 1} more such groups" * (len(cycles) > 1))
         )
 
 

@@ -44,7 +44,7 @@ class Written:
         options: Attributes of all ``<compiler>`` elements.
         densities: Densities that the geoms specify [kg/m^3].
         total: Mass to which the model is scaled [kg], or 0.
-        loose: Relative error that the printed digits allow.
+        loose: Relative error implied by the printed digits.
     """
 
     form: str = ""
@@ -145,7 +145,7 @@ class Trial:
     Attributes:
         a, b: Values in A and in B.
         unit: SI unit.
-        loose: Relative error that printed digits allow.
+        loose: Relative error implied by the printed digits.
         matter: Mass properties of the body in A to which the value belongs.
         frames: Axes in which each file gives the value. Shape (3, 3) each.
         turns: Slips in these axes, and the rotation that each slip applies to A's value. Shape (3, 3) each.

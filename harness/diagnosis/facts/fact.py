@@ -118,7 +118,7 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d+)
 
 
 def digits_of(text: str) -> int:
-    """Return the number of digits to which a program rounded the numbers of a file; `ALL` if they are not rounded.
+    """Return the number of digits to which a program rounded the numbers in a file; `ALL` if they are not rounded.
 
     A program writes many numbers of the same maximum length; people do not.
     """
@@ -148,7 +148,7 @@ def _counts(text: str) -> Counter[int]:
 
 
 def _values(text: str) -> list[str]:
-    """Return the values of all attributes, and the text of elements, which contains the numbers of an SDF."""
+    """Return the values of all attributes and the text of all elements, which contains the numbers in an SDF."""
     return ["".join(pair) for pair in re.findall(r"=\s*[\"']([^\"']*)[\"']|>([^<>]+)<", text)]
 
 
@@ -156,7 +156,7 @@ def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple
     """Mark facts that are due to rounded numbers in a file.
 
     Args:
-        digits: Digits to which the numbers of A's and B's files are rounded.
+        digits: Digits to which the numbers in A's and B's files are rounded.
         longest: Digits of the longest number in each file; 0 without a file.
     """
     n = min(digits)
@@ -175,7 +175,7 @@ def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple
 
 
 def _is_cut(fact: Fact, n: int, side: str) -> bool:
-    """Return True if a difference is within half a unit of the last digit (a few units for results of computations).
+    """Return True if a difference is within half a unit of the last digit, or within a few units for computed values.
 
     Args:
         n: Digits of the file with fewer digits.
@@ -192,7 +192,7 @@ def _is_cut(fact: Fact, n: int, side: str) -> bool:
 
 
 def _is_printed(fact: Fact, n: int) -> bool:
-    """Return True if the numbers of one model, rounded to n digits, equal those numbers in the other model."""
+    """Return True if the numbers in one model, rounded to n digits, equal the numbers in the other model."""
     if fact.side or fact.a is None or fact.what not in PROPERTIES:
         return False
     try:

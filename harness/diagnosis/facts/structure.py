@@ -295,7 +295,7 @@ def _group(content: Iterable[Content]) -> Mapping[object, list[Content]]:
 
 
 def _entries(a: Content, b: Content) -> Iterator[tuple[str, float | str, float | str]]:
-    """Yield the label of each entry of two items, and its value in both."""
+    """Yield the label of each entry of two items, and its value in each item."""
     for (_, name, x), (*_, y) in zip(sorted(a.of), sorted(b.of), strict=False):
         yield f"coefficient of {name}", x, y
     for (key, one), (_, other) in zip(a.values or (), b.values or (), strict=False):

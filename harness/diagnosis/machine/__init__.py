@@ -1,1 +1,1 @@
-"""Machines as rigid bodies and links, independent of the cuts, order, names and frames of files."""
+"""Machines as rigid bodies and links, independent of a file's loop cuts, order, names and frames."""

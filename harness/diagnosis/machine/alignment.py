@@ -85,7 +85,7 @@ def find_partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None
 
 
 def _pair_similar(a: Reading, b: Reading, joints: Mapping[str, str], similar: Callable[[str], str]) -> dict[str, str]:
-    """Pair further joints of equal kind whose simplified names are equal and unique."""
+    """Pair additional joints of the same kind whose simplified names are equal and unique."""
     left = [name for name in b.joints if name not in joints.values()]
     keys, own = [similar(name) for name in left], [similar(name) for name in a.joints if name not in joints]
     found = {}
@@ -169,7 +169,7 @@ def align(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str,
 
 
 class _Walk:
-    """A walk from the ground outwards that matches links."""
+    """Matches links in a walk from the ground outwards."""
 
     def __init__(
         self, a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed
@@ -200,7 +200,7 @@ class _Walk:
         self.open_b = [link for link in self.open_b if {*link.names} != theirs]
 
     def _skip(self, near: str) -> list[tuple[Link, Link]]:
-        """Where a link is missing, pair links of a body with coincident links that are one link farther out."""
+        """Where a link is missing, pair links of a body with coincident links that are one link farther outwards."""
         if len(self.a.links) == len(self.b.links):
             return []
         there = self.bodies[near]

@@ -75,14 +75,14 @@ class Shape:
 
 
 def _is_derived(machine: Machine, link: Link, body: str) -> bool:
-    """Return True if a link's location on a body follows only from the home pose of the link's other body."""
+    """Return True if a link's location on a body is determined only by the home pose of the link's other body."""
     closures = [machine.reading.closures[name] for each in link.elements for name in each.closures]
     ends = {machine.part_of(each.second) for each in closures}
     return bool(closures) and not link.joints and ends == {body} and all(each.derived for each in closures)
 
 
 class Overlay:
-    """A comparison of a body of B with a body of A under varying placements."""
+    """A comparison of a body of B with a body of A, at any placement of B."""
 
     def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
         self.ours, self.theirs, self.length = Shape(a, bodies[0]), Shape(b, bodies[1]), a.length

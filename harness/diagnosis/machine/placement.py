@@ -238,7 +238,7 @@ def _shifts(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
 
 
 def _descend(overlay: Overlay, steps: list[Element], near: Array, start: Array) -> Array:
-    """Return the placement that a fit along given degrees of freedom reaches from initial coordinates."""
+    """Fit a placement along given degrees of freedom, starting from initial coordinates."""
 
     def placement(q: Array) -> Array:
         out: Array = np.eye(4)

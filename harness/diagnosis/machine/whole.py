@@ -251,7 +251,7 @@ class _Overlay:
         self.masses = np.array([math.log(other.mass / one.mass) for one, other in bodies])
 
     def score(self, T: Array) -> Array:
-        """Count features of B aligned with their partners; nearby features count in part. Shape (n, 4, 4) -> (n,)."""
+        """Count features of B aligned with their partners, and near misses in part. Shape (n, 4, 4) -> (n,)."""
         R, p = T[:, :3, :3], T[:, None, :3, 3]
         (d, e), (c, k), (m, n), (I, J) = self.axes, self.points, self.centres, self.inertias
         tilt = np.linalg.norm(np.cross(np.einsum("gij,nj->gni", R, e), d), axis=-1)
