@@ -62,7 +62,7 @@ class Case:
         return f"{symptom[0].upper()}{symptom[1:]}, because {cause}; {remedy}."
 
     def shows(self, versions: Sequence[str]) -> bool:
-        """True if the given versions show the case, that is, if the newest measured versions up to them did."""
+        """True if the case was shown by the newest measured versions that are not newer than the given versions."""
         if self.last and version_key(versions) > version_key([self.last]):
             return False
         measured = [*self.shown, *self.not_shown]

@@ -1,8 +1,8 @@
 """Tolerances: the largest accepted difference between two values, and the reason for it. No other module sets
 tolerances.
 
-A scene may allow any error: it may set a tolerance, or state the error of a table. A judged engine may also estimate
-its own errors, but this estimate explains a difference only up to `LIMIT`; beyond that the difference is undecided. If
+A scene may allow errors of any size by setting a tolerance or stating a table's error. A judged engine may estimate its
+own errors, but this estimate explains a difference only up to `LIMIT`; beyond that the difference is undecided. If
 a scene or command names a method with a number type, such as ``mjwarp@float32``, errors of that type are estimated from
 the description, and at most half of its digits may be lost. Integration error is measured with additional runs, and
 explains a difference of at most `MOST`.
@@ -47,7 +47,7 @@ class Granted:
         why: Reason why `usual` exceeds the scene's tolerance; empty if the reason is soft constraints.
         scale: Scale of the errors.
         integration: Engine -> its estimated integration error, scaled. Shape (n,).
-        binding: Whether the scene states the allowed difference, regardless of integration error.
+        binding: True if the scene sets the accepted difference and no integration error is added.
     """
 
     usual: float

@@ -68,7 +68,7 @@ def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
 def other_assemblies(
     mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]
 ) -> Mapping[frozenset[str], str]:
-    """Return a message for each pair of engines that are in different assembly modes, or not both in the home mode.
+    """Return a message for each pair of engines in different assembly modes, or with an engine not in the home mode.
 
     Joint positions that do not close the description's loops are ignored, because they belong to a different geometry.
     """

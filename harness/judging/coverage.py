@@ -103,7 +103,7 @@ class Coverage:
 
     @property
     def poor(self) -> str:
-        """Description of what the motion leaves untested; empty if nothing is known."""
+        """Description of what the motion leaves untested; empty if coverage is unknown."""
         sentences = list[str]()
         if self.inertia and self.inertia[1] < STATICS:
             name, share = self.inertia
@@ -173,11 +173,11 @@ def coverage(
 
 
 _Forces = tuple[tuple[str, ...], list[tuple[str, str, Array]]]
-"""Names of terms or parameters, and their effect on every compared force: quantity, unit, shape (n, m, p)."""
+"""Names of terms or parameters, and their effect on every compared force: quantity, unit, values (n, m, p)."""
 
 
 class _Composition:
-    """Composition of forces and accelerations along a motion, and along a random motion through some of its poses."""
+    """Terms of forces and accelerations along a motion, and along a random motion through some of its poses."""
 
     def __init__(
         self, mechanism: Mechanism, problem: Problem, counted: Mobility, q: Array, motion: GivenMotion
@@ -214,7 +214,7 @@ class _Composition:
         return Coverage(shares, parts, "", hidden, self.planar)
 
     def _shares(self, rows: slice) -> tuple[tuple[Row, ...], dict[tuple[str, str], float]]:
-        """Return the shares of all terms at the given rows, and the largest magnitude of each force and unit."""
+        """Return the shares of all terms at the given samples, and the largest magnitude of each force and unit."""
         (names, forces), found, sizes = self.terms, [*self._accelerations(rows)], dict[tuple[str, str], float]()
         whole = [i for i, name in enumerate(names) if name not in BRACKET]  # the bracket is a part of inertia
         for quantity, unit, array in forces:

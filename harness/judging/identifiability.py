@@ -199,8 +199,8 @@ _AXES = "xyz"
 _Wrench = tuple[Array | float, Array | float]
 _NONE: _Wrench = (0.0, 0.0)
 _Column = tuple[str, int, _Wrench, _Wrench]
-"""Name, body, and the parameter's effect on the required wrench, first without loads, then due to loads: force, and
-moment about the centre of mass."""
+"""Name, body, and the parameter's effect on the required wrench, first without loads, then due to loads; each effect is
+a force and a moment about the centre of mass."""
 
 
 def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:

@@ -36,7 +36,7 @@ _ABOUT = ("joint_acceleration", *BODY_MOTION.values())
 
 
 def neutral_motions(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
-    """Return motions of y that move no actuator, one per idle coordinate. Shape (n, k, m)."""
+    """Return, for each idle coordinate, a motion of y that moves no actuator. Shape (n, k, m)."""
     B = admissible.partial[:, answer.mechanism.actuated_columns]
     given = given_columns(B.shape[2], idle)
     N = np.zeros((len(B), B.shape[2], len(idle)))
@@ -46,10 +46,10 @@ def neutral_motions(answer: Answer, admissible: AdmissibleMotion, idle: Sequence
 
 
 def accelerations_from_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
-    """Return the joint accelerations due to idle accelerations, found from the engine's body motions. Shape (n, n_q).
+    """Return the joint accelerations due to idle coordinates, found from the engine's body motions. Shape (n, n_q).
 
     Args:
-        answer: Answer in which idle accelerations have their given values.
+        answer: Answer in which idle coordinates have their given accelerations.
     """
     n, m, missing, columns = len(answer.t), len(idle), list[Array](), list[Array]()
     for what, part, size in (("a", slice(0, 3), answer.scales["m"]), ("b", slice(3, 6), 1.0)):
@@ -71,7 +71,7 @@ def least_inertia(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[i
 
 
 def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
-    """Yield residuals of the engine's accelerations of idle coordinates, and of the given motion of these coordinates.
+    """Yield residuals of the engine's accelerations of idle coordinates, and of their given motion.
 
     Args:
         answer: Answer with all joint coordinates, rates and accelerations.
@@ -85,7 +85,7 @@ def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
 
 
 def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
-    """Yield the work of the required wrenches on motions that move no actuator, which must vanish."""
+    """Yield the work of the required wrenches on motions that move no actuator; this work must vanish."""
     missing, terms = _work(answer, admissible_motion(answer.motion), idle)
     mechanism = answer.mechanism
     labels, columns = [*mechanism.independent], mechanism.independent_columns
@@ -112,7 +112,7 @@ def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> 
 
 
 def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMotion]) -> Residuals:
-    """Yield the change of idle rates over a step minus the integral of their accelerations."""
+    """Yield the change in the rates of idle coordinates over a step minus the integral of their accelerations."""
     rows = np.unique(np.linspace(0, len(given) - 1, STEPS).astype(int))
     h = _steps(answer, given)[rows]
     x, weights = np.polynomial.legendre.leggauss(POINTS)

@@ -1,4 +1,4 @@
-"""The judge of a single engine's answer: loop closure, balance of forces, and energy."""
+"""Judges a single engine's answer by loop closure, balance of forces, and energy."""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ def measured_parts(moments: Moments, left_out: Sequence[LeftOut], springs: Seque
     """Measure forces of `Mechanism.left_out` along a motion, in parts to limit memory.
 
     Args:
-        springs: Springs of the scene; forces of springs along a joint are included, and thus not omitted.
+        springs: Springs of the scene; engines include springs along joints, so their forces are subtracted.
     """
     along_joints = [spring for spring in springs if isinstance(spring, JointSpring)]
     for answer, admissible in moments():
@@ -329,7 +329,7 @@ def _at(answer: Answer, frame: FixedFrame) -> Moving:
 
 
 def _drag(one: Drag, at: Moving) -> tuple[Array, Array]:
-    """Return force and moment of a medium on a box, using MuJoCo's inertia model. Shape (n, 3) each.
+    """Return the force and moment that overcome a medium's drag on a box (MuJoCo's inertia model). Shape (n, 3) each.
 
     See mujoco.readthedocs.io, Computation, Passive forces: inertia model.
     """

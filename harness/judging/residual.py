@@ -18,7 +18,7 @@ JUDGE = "judge"
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """Error of a quantity between two answers or against the right value, or residual of an equation.
+    """Error of a quantity between two answers or against the correct value, or residual of an equation.
 
     Attributes:
         quantity: Quantity, or the name of an equation; for equations, `b` is ``judge``.

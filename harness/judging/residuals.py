@@ -355,7 +355,7 @@ def _axial(answer: Answer) -> Residuals:
 
 
 def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
-    """Yield the energy gained since the first sample minus the work done since then [J], if known.
+    """Yield the energy gained since the first sample minus the work done since then [J], if the work is known.
 
     The residual is scaled by its largest term: kinetic energy, gravity, springs or work.
 

@@ -35,7 +35,7 @@ def examine_path(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, A
             larger condition number.
 
     Returns:
-        Largest condition number of the closed loops over y up to each sample, shape (m,).
+        Largest condition number of the loop equations up to each sample, shape (m,).
         Error that rounding may have caused up to each sample, shape (m,). Accelerations near a singular pose have an
         error of about eps times the condition number squared, which affects all later samples; infinite if no digit is
         correct.
@@ -132,7 +132,7 @@ class Refusal:
 
 
 def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tuple[Refusal, ...]:
-    """Group the samples of a given motion that lack numbers by reason."""
+    """Group the samples at which numbers are missing in a given motion, by reason."""
     motion = problem.task
     if not isinstance(motion, GivenMotion):
         return ()
