@@ -128,5 +128,5 @@ def test_an_engine_that_stops_is_not_said_to_have_run(scene, stand_in):
 
 
 def test_a_start_that_is_too_far_names_the_distance(scene):
-    with pytest.raises(ScrewgaugeError, match="check its units"):
+    with pytest.raises(ScrewgaugeError, match="check the units"):
         run(scene(start="crank = 2000"))

@@ -229,7 +229,7 @@ def _content(fact: Fact, most: int) -> str:
     if not fact.a:
         return f"{fact.of} has more entries in one model than in the other"
     told = (f"{key} {_format(fact.b[key])} in B, {_format(fact.a[key])} in A" for key in fact.a)
-    more = f"; and {len(fact.a) - most} more values" if len(fact.a) > most else ""
+    more = f"; and {len(fact.a) - most} more" if len(fact.a) > most else ""
     return f"{fact.of}: {'; '.join([*told][:most])}{more}"
 
 

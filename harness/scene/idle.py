@@ -30,8 +30,6 @@ from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 NO_INERTIA = 1e-13
 #: Distance from home at which inertia is evaluated at additional poses [rad or lengths of the mechanism].
 ASIDE = 0.05
-#: Largest allowed interpolation error between samples, relative to the travel of a coordinate.
-COARSE = 1e-3
 
 
 Start = Mapping[str, float | None]
