@@ -144,7 +144,7 @@ def test_other_times_leave_rows_out_and_say_so(scene, right):
     results = screwgauge.run(scene(forces(right)).at([0.0, 0.5]), ["screw", "mine"], ["actuator_force"])
     assert results.ok
     assert any("2 of its 4 times" in note for note in results.solutions["mine"].notes)
-    with pytest.raises(ScrewgaugeError, match=r"mine.csv: has none"):
+    with pytest.raises(ScrewgaugeError, match=r"mine.csv: contains none"):
         screwgauge.run(scene(forces(right)).at([0.1]))
 
 

@@ -52,7 +52,7 @@ class Comparison:
             worst_t, tolerance, ok, reason.
         remarks: Sentence about the scene -> `DOUBT`, `UNREAD` or an empty string.
         freedoms: Counts of the degrees of freedom.
-        provenance: Judged files, date and schema, see `screwgauge.study.comparison.provenance`.
+        provenance: Judged files with their digests, date and schema, as in ``summary.json``.
         refusals: Samples at which an engine returns no value, with the reason.
         left_out: Forces that files contain but no engine includes.
         review: Function that computes `reviews` on demand.

@@ -107,7 +107,7 @@ def words(name: str) -> str:
 
 
 def tick(ok: Any) -> str:
-    """Return a mark and a word for a status, so that it is legible without colours or special fonts."""
+    """Return a mark and a word for a status, legible without colours or special fonts."""
     return "✓ ok" if bool(ok) else "✗ no"
 
 

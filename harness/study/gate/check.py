@@ -150,7 +150,7 @@ def _escape(text: str, signs: str) -> str:
 
 
 def message(row: GateRow) -> str:
-    """Describe the outcome of a row: quantity, component, time, values and tolerance of the worst error, and cause."""
+    """Describe the outcome of a row: the worst error with quantity, component, time, values, tolerance and cause."""
     worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
     if worst is None or worst.ok:
         rest = "all else agrees" if row.status == "unread" else row.sentence

@@ -1,4 +1,4 @@
-"""Items, which represent the arguments of a gate, and rows with their results. Both are plain data for pickling."""
+"""Items, which represent the arguments of a gate, and rows with their results. Both can be pickled."""
 
 from __future__ import annotations
 
