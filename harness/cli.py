@@ -82,7 +82,7 @@ def _command(arguments: Sequence[str] | None) -> int:
         warnings.simplefilter("ignore", RuntimeWarning)  # raised by numpy; the report shows non-finite values
         try:
             return int(options.command(options))
-        except SystemExit as error:  # raised by a library; its status would pass for the command's
+        except SystemExit as error:  # raised by a library; its status would be mistaken for the command's
             raise RuntimeError(f"a library ended the program with status {error.code}") from error
 
 

@@ -167,11 +167,11 @@ FORCE = {"rad": "N m", "m": "N"}
 INERTIA = ("kg", "kg m", "kg m^2")
 #: Unit of a rate per rate of an actuator -> exponent of a length.
 RATIOS = {"rad/rad": 0, "m/m": 0, "m/rad": 1, "rad/m": -1}
-#: Fraction of its natural scale, or of its largest term, below which a magnitude cannot serve as scale.
+#: Fraction of its natural scale, or of its largest term, below which a magnitude cannot serve as a scale.
 FLOOR = 1e-6
-#: Ratio of the error of a motion to the tolerance of its steps. Smooth established problems show up to 160
-#: (a01-pendulum at 1e-6), stiff problems less; singular poses multiply errors further, so that scenes that pass them
-#: set their own tolerances.
+#: Ratio of the error of a motion to the tolerance of its steps. It is at most 160 for smooth benchmark problems
+#: (a01-pendulum at 1e-6), and smaller for stiff ones. Singular poses multiply errors further, so scenes that pass
+#: through them set their own tolerances.
 GROWTH = 1e3
 
 

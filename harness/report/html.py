@@ -26,10 +26,10 @@ from screwgauge.truth import cache
 PAGE = Path(__file__).with_name("page.html")
 #: Forbids all requests; pages with charts may evaluate code, because vega compiles functions.
 POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-inline'; img-src data:"
-WIDE = 8  # number of columns from which a table has a tighter layout
+WIDE = 8  # smallest number of columns for which a table has a tighter layout
 #: Letters per line on a phone, in a legible column of text, and in a table that fits twice on a line of paper.
 PHONE, LEGIBLE, SLIM = 50, 30, 40
-SENTENCE = 80  # number of letters from which a cell is a sentence, not a name or number
+SENTENCE = 80  # smallest number of letters for which a cell is a sentence, not a name or number
 UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are not linked
 STAGE = Path(__file__).with_name("stage") / "stage.js"
 #: Matches three.js in trimesh's viewer, from the beginning of its licence to the end of the function that defines it.

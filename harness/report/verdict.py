@@ -15,7 +15,7 @@ from screwgauge.study.formatting import Row, digits_text, listed, missing, numbe
 from screwgauge.study.methods import DOUBTS
 from screwgauge.study.outcome import Outcome
 
-#: Remarks on quantities that no user requests; their digits never stand for the digits of a run.
+#: Remarks on quantities that no user requests; their digits never represent the digits of a run.
 OPEN_TREE = {
     "tree_force": "tree_force only checks the models: joint forces with the loops cut open, without loads.",
     "tree_force_soft": (

@@ -74,7 +74,7 @@ def write_report(
         raise
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"the numbers are in {out}, but the report was not written") from None
-    except Exception as error:  # the numbers took long to compute, and are worth more than a page
+    except Exception as error:  # the numbers took a long time to compute, and are worth more than a page
         what = f"the report could not be made ({type(error).__name__}: {error})"
         raise ReportError(
             what, str(out), "use the numbers, which are complete, and report the traceback that --debug prints"
@@ -95,7 +95,7 @@ def _name_pictures(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
 
 
 def _text(value: Any, figures: int | None) -> str:
-    if not hasattr(value, "to_csv"):  # not a table; this test avoids loading pandas, which takes long
+    if not hasattr(value, "to_csv"):  # not a table; this test avoids loading pandas, which is slow
         return json_text(value)
     form = None if figures is None else f"%.{figures}g"
     return str(value.to_csv(index=False, na_rep="nan", lineterminator="\n", float_format=form))

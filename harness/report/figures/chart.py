@@ -22,7 +22,7 @@ from screwgauge.report.figures.renderer import RENDERER, DrawingError
 Spec = dict[str, Any]
 Curve = tuple[Spec, Array, Array]  # fields that describe the curve; times [s] and values, shapes (n,)
 SPECS = Path(__file__).with_name("specs")
-UNSEEN = 1.0 / 400.0  # largest deviation that is not visible, as fraction of the height of a panel
+UNSEEN = 1.0 / 400.0  # largest deviation that is not visible, as a fraction of the height of a panel
 WIDTH, GAP, LETTER = 560, 24, 5.6  # total width of panels in a line, gap between them, mean width of a letter [pixels]
 #: Zooms with Ctrl and the wheel; the wheel alone scrolls the page.
 _ZOOM = {"type": "interval", "encodings": ["x"], "zoom": "wheel![event.ctrlKey || event.metaKey]"}

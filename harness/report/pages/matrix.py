@@ -30,7 +30,7 @@ def _pairs(some: Iterable[Row]) -> str:
 
 
 def _reasons(table: pd.DataFrame) -> list[str]:
-    """List the reasons for failures, with the number of failing scenes; version pairs with one reason share a line."""
+    """List reasons for failures, with the number of failing scenes; version pairs with the same reason share a line."""
     amount, grouped = "scenes out of tolerance, by quantity: {differing}; the first: ", dict[str, list[Row]]()
     for row in rows(table):
         if row["reason"]:
