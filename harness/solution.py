@@ -100,7 +100,7 @@ class Error:
 
     Attributes:
         scaled: Error at each sample divided by the unit's largest magnitude over all samples, maximum over units; a
-            value that is zero within rounding is compared with its largest term. Infinite where no digit is correct, or
+            value that is zero within rounding is compared with its largest term. Infinite where no digit is correct or
             the value is missing. Shape (n,).
         absolute: Unit -> absolute error from `source`, for values that may be zero [unit].
         condition: Condition number of the systems that determine the quantity; NaN if unknown. Shape (n,).
@@ -167,7 +167,7 @@ class Solution:
         work: For a simulation, work of motors, loads and dampers since the start [J]; NaN if unknown. Shape (n,).
         stopped: Reason why a simulation ended early; empty if it did not.
         cost: Cost of the solution, if the engine measured the cost.
-        warnings: Warnings by the engine, and content of its model file that contradicts the description or goes beyond
+        warnings: Warnings from the engine, and content of its model file that contradicts the description or goes beyond
             it; `notes` repeats them. With warnings, agreement is qualified.
         otherwise: Mismatches between the engine's model file and the description, largest first; engines do not set
             this.
