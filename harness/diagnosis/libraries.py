@@ -103,7 +103,7 @@ def compare_loops(
     soft += [each.softness for each in tree.reading.couplings.values()]
     if library not in CLOSING or not soft or not all(soft):  # the library ignores loops defined in a separate file
         return {}
-    drawn = float(np.abs(states.qdd).max())  # admissible accelerations may be rounding only
+    drawn = float(np.abs(states.qdd).max())  # admissible accelerations may be only rounding errors
     states, fits = close_loops(tree, states)
     states = states.at(is_rank_clear(gaps_and_rows(tree, states)[1]))
     if not fits.any() or not len(states.q):

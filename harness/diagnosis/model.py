@@ -180,7 +180,7 @@ def load_side(given: str | Path | Weighed, load: Read = read_here, loops: Path |
 
 
 def _joints(reading: Reading) -> dict[str, tuple[str, float]]:
-    """Return kind and rotor of each joint."""
+    """Return the kind and the rotor inertia of each joint."""
     return {name: (joint.kind, joint.armature) for name, joint in reading.joints.items()}
 
 

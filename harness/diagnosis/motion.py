@@ -84,7 +84,7 @@ def follow(
 
 
 def _frame(tree: ReadingTree, body: str, T: Array) -> FixedFrame:
-    """Attach a frame to a body. T: shape (4, 4)."""
+    """Attach a frame to a body at the pose T, shape (4, 4)."""
     if body == GROUND:
         return FixedFrame().placed(T[:3, :3], T[:3, 3])
     number = [*tree.reading.bodies].index(body)

@@ -80,7 +80,7 @@ def open_model(text: str, reading: Reading) -> Opened:
         near = owner[link.near] if link.near >= 0 else "".join(floating[:1])
         owner.append(ends.get(last[0], "") if last else near)
     if lost := {*reading.bodies} - {*owner}:
-        raise UnpatchableError(f"body '{min(lost)}' is not in the file itself")
+        raise UnpatchableError(f"body '{min(lost)}' is not defined in the file itself")
     return Opened(xml, writer, links, owner, reading)
 
 

@@ -328,7 +328,7 @@ _FIRST, _LAST = ("placement", "seat", "axis", "centre", "zero", "sign"), ("branc
 
 
 def sequence(several: Iterable[Any]) -> list[Change]:
-    """Collect the changes of facts in the order of application; the facts are ordered from the ground outwards."""
+    """Collect the changes of facts in the order in which to apply them; facts are ordered from the ground outwards."""
     changes = [change for each in several for change in each.changes]
     places = [change for change in changes if change.what in _FIRST]
     lost = [change for change in changes if change.what in _LAST]

@@ -20,7 +20,7 @@ from screwgauge.reference.linear import DIGIT
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import SOFTNESS, Error, Solution
 
-#: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
+#: Relative error above which a result is flagged: half of the digits of a double, and a thousand times the tolerance
 #: of the comparison.
 LIMIT = FLOAT64.limit
 #: Largest scaled error attributed to integration: a larger limit could hide a relative error of 1e-3.

@@ -20,7 +20,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
-MOST = 201  # largest number of samples for residuals that need a pass over the tree per coordinate or a solution
+MOST = 201  # largest number of samples for residuals that need a pass over the tree per coordinate, or a solve
 _MOTION = ("joint_velocity", "joint_acceleration")
 _FORCES = (*residuals.WORKING, "reaction")
 _PER = ("", "/s", "/s^2")

@@ -23,7 +23,7 @@ TOLERANCE = 1e-9
 #: Gravity assumed if a file does not specify it [m/s^2].
 STANDARD = np.array(PROPERTIES["gravity"].default)
 
-#: Facts that do not affect motions: coordinates determine where a free body starts.
+#: Facts that do not affect motions: the coordinates of a free body determine its initial pose.
 IDLE = ("start",)
 
 Kind = Literal["model", "convention", "digits"]
@@ -102,11 +102,11 @@ def step_of(T: Array, point: Array) -> Array:
 ALL = 15
 #: Digits of 32-bit numbers.
 SINGLE = 8
-#: Smallest share of a file's longer numbers with the maximum length that indicates rounding by a program, and smallest
-#: count of such numbers: one or two are a manual edit.
+#: A program rounded a file's numbers if at least this share of the longer numbers, and at least this many of them, have
+#: the maximum length: one or two such numbers are a manual edit.
 CUT, FEWEST = 0.3, 5
-#: Numbers with fewer than the first number of digits are intended, numbers with more than the second are exact;
-#: rounding appears in at least the third number of places.
+#: Numbers with fewer digits than the first value are meant as written, and numbers with more digits than the second
+#: value are exact; rounding affects at least as many facts as the third value.
 MEANT, EXACT, SEEN = 5, 12, 4
 #: Rounding error of a value computed from several numbers, in units of the last digit.
 SUM = 5.0
@@ -185,7 +185,7 @@ def _is_cut(fact: Fact, n: int, side: str) -> bool:
     if fact.what not in ITSELF or fact.side or fact.a is None:
         return fact.size <= SUM * unit
     value = float(getattr(fact, side))
-    if float(f"{value:.{n}g}") != value:  # not a number of that file but computed from several, e.g. from a geom
+    if float(f"{value:.{n}g}") != value:  # not a number in that file, but computed, e.g. from a geom
         return fact.size <= SUM * unit
     decade = 10.0 ** math.floor(math.log10(abs(float(fact.a)))) if fact.a else 0.0
     return abs(float(fact.a) - float(fact.b)) <= 0.501 * unit * decade
