@@ -167,8 +167,8 @@ class Solution:
         work: For a simulation, work of motors, loads and dampers since the start [J]; NaN if unknown. Shape (n,).
         stopped: Reason why a simulation ended early; empty if it did not.
         cost: Cost of the solution, if the engine measured the cost.
-        warnings: Warnings from the engine, and content of its model file that contradicts the description or goes beyond
-            it; `notes` repeats them. With warnings, agreement is qualified.
+        warnings: Warnings from the engine, and content of its model file that contradicts or exceeds the description;
+            `notes` repeats them. With warnings, agreement is qualified.
         otherwise: Mismatches between the engine's model file and the description, largest first; engines do not set
             this.
         lacks: Quantity that the engine does not compute -> reason. Set by the caller of the engine, never by the
