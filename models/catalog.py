@@ -32,7 +32,7 @@ def mechanism_path(
     Args:
         where: Location to report in errors.
         allow: Physically impossible inertia tensors to accept, in addition to the tensors that the description allows;
-            for a model file, all entries of ``allow`` in `importing.model.Options`.
+            for a model file, see `importing.model.Options`.
         floating: Give a URDF a floating base.
 
     Raises:

@@ -46,7 +46,7 @@ INERTIA_TOLERANCE = 5e-14
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """A compared property. `difference`, NaN for names, and `tolerance` are relative to the same scale."""
+    """A compared property. `difference` is NaN for names, and otherwise relative to the same scale as `tolerance`."""
 
     item: str
     what: str
@@ -97,7 +97,7 @@ def compare_readings(expected: Reading, actual: Reading, mechanism: Mechanism) -
     yield from _compare_bodies(_common(expected.bodies, actual.bodies), length, mechanism.mass)
     for name, want, have in _common(expected.joints, actual.joints):
         scale = np.repeat([1.0, length], 3) if want.screw[:3].any() else np.ones(6)
-        yield _numbers(name, "joint axis at home", want.screw / scale, have.screw / scale)
+        yield _numbers(name, "home axis", want.screw / scale, have.screw / scale)
         # a run measures excess amounts in the file; URDF lacks an element for rotors
         amounts = {"rotor": "armature"} if actual.form != "urdf" else {}
         for what, key in (amounts | {"damping": "damping", "friction": "friction"}).items():
@@ -149,7 +149,7 @@ def _compare_bodies(
             scale = float(np.abs(want.inertia).max()) or want.mass * length**2
             yield _numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
         metres = np.array([1.0, 1.0, 1.0, length])
-        yield _numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
+        yield _numbers(name, "home pose", want.pose[:3] / metres, have.pose[:3] / metres)
 
 
 def compare_loops(expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> Iterator[CheckRow]:
@@ -317,7 +317,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
 def _merge_links(
     mechanism: Mechanism, links: dict[str, BodyReading], closures: dict[str, ClosureReading]
 ) -> tuple[dict[str, BodyReading], dict[str, Array], dict[str, ClosureReading]]:
-    """Merge links that fixed joints connect into bodies; return bodies, links fixed to the ground, and closures."""
+    """Merge links connected by fixed joints; return bodies, links fixed to the ground, and closures."""
     if len(mechanism.moving) == len(mechanism.coordinates):
         return links, {}, closures
     below = {name: replace(link, near=link.near if link.near != GROUND else "") for name, link in links.items()}

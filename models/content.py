@@ -167,7 +167,7 @@ def element_tables() -> Mapping[str, Any]:
 
 
 def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
-    """List the extras of a readable file; omit extras without effect (damping 0, limits equal to the description's).
+    """List the extras of a readable file; omit extras without effect (zero damping, limits as in the description).
 
     Args:
         form: ``urdf`` or ``mjcf``.
@@ -196,7 +196,7 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
 
 
 def unread_rows(library: str) -> list[str]:
-    """List the properties of a loops file that a library's engines ignore, as they are called in the model check."""
+    """List the properties of a loops file that a library's engines ignore, named as in the model check."""
     rows: list[str] = element_tables()["loops"]["ignored"].get(library, [])
     return rows
 
@@ -213,7 +213,7 @@ def _include(root: ET.Element, folder: Path) -> None:
 
 
 def _of_coordinates(mechanism: Mechanism) -> dict[str, dict[str, str]]:
-    """Map coordinates to attributes and the values that these have in the description, formatted as in model files."""
+    """Map each coordinate to its attributes in model files, with values formatted from the description."""
     values = {}
     for joint in mechanism.joints:
         numbers = joint.coordinates, joint.limits, joint.rotor, joint.damping, joint.friction
@@ -227,7 +227,7 @@ def _of_coordinates(mechanism: Mechanism) -> dict[str, dict[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class _ElementWalk:
-    """A walk through the elements of a file.
+    """Searches the elements of a file for extras.
 
     Attributes:
         table: Element table of the file's format.
@@ -312,7 +312,7 @@ def _plain(name: str) -> str:
 
 
 def _numbers(text: str) -> list[float] | str:
-    """Return the numbers of a value without trailing zeros, or the text itself if it is not numeric."""
+    """Return the numbers of a value, omitting zeros at the end, or the text itself if it is not numeric."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:

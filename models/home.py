@@ -29,8 +29,8 @@ from screwgauge.witness.tree import TreeStates
 
 #: Largest gap of a closed loop [rad or mechanism lengths]: home poses are given in closed form or to ten digits.
 CLOSED = 1e-9
-#: Number of starts once a good pose is found, and bound on starts times coordinates: all starts except the first
-#: serve to find further poses that close the loops.
+#: Number of starts after which the search stops if a good pose is found, and bound on starts times coordinates: all
+#: starts except the first serve to find further poses that close the loops.
 FEW, WORK = 12, 240
 #: Smallest singular value of the loop equations at a good pose; at a pose found next to a singular pose, the singular
 #: value is about the square root of `CLOSED`.
@@ -138,8 +138,8 @@ def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Me
         if closed is not None and (np.abs(closed[0] - home) / system.sizes).max(initial=0.0) < FAR:
             home, reached = closed[0], goal
         elif (step := 0.5 * step) < SHORTEST:
-            what = "no pose near the home pose closes the loops with these numbers"
-            raise ClosureError(what, mechanism.where, "change the numbers less, or all at once")
+            what = "no pose near the home pose closes the loops for these parameters"
+            raise ClosureError(what, mechanism.where, "change the parameters less, or all of them at once")
     return _at_home(changed(1.0), home)
 
 
@@ -222,14 +222,14 @@ def _near_turns(loops: Loops, q: Array) -> Array:
 
 
 def _places(loops: Loops, q: Array) -> Array:
-    """Return the orientations of all bodies, and their origins divided by the length. Shape (12 n_body,)."""
+    """Return body orientations, and body origins divided by the mechanism's length. Shape (12 n_body,)."""
     rest = np.zeros((1, len(loops.size)))
     bodies = move(loops.tree, TreeStates(q[None], rest, rest)).bodies
     return np.concatenate([bodies.R.ravel(), bodies.p.ravel() / loops.length])
 
 
 def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
-    """Convert reading coordinates to mechanism coordinates; joints outside loops stay at home. Shape (n_q,)."""
+    """Convert reading coordinates to mechanism coordinates; joints outside loops keep home values. Shape (n_q,)."""
     names, moved = [*loops.tree.places], mechanism.home.copy()
     values = np.where(loops.closing, q, loops.home)
     moved[mechanism.columns(mechanism.moving)] = values[[names.index(name) for name in mechanism.moving]]
@@ -273,6 +273,6 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
         other, c = apart[0]
         joint = next(joint for joint in mechanism.joints if names[c] in joint.coordinates)
         written = ", ".join(f"{x:.3g}" for x in other[mechanism.columns(joint.coordinates)])
-        found = f"to the nearest of {len(others) + 1} closing poses found (others have {first_few(poses, NAMED)}"
+        found = f"to the nearest of {len(others) + 1} poses that close the loops (others have {first_few(poses, NAMED)}"
         sentence = f"{sentence}, {found}; to use the first of these, write home = [{written}] in joint '{joint.name}')"
     return sentence

@@ -1,4 +1,4 @@
-"""Classifies links by their degrees of freedom: letter codes, and the points where hinge axes intersect."""
+"""Finds the letter code for a link's degrees of freedom, and the point where its hinge axes intersect."""
 
 from __future__ import annotations
 

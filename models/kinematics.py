@@ -25,16 +25,17 @@ from screwgauge.witness.tree import (
     stack_frames,
 )
 
-#: Largest distance from home of a randomly drawn coordinate [rad or m].
+#: Largest distance of a randomly drawn coordinate from its home value [rad or m].
 FAR = {"hinge": math.pi, "slide": 0.5}
-#: Scale of the distance from home of states near home [rad or machine lengths].
+#: Scale of the distance between the home pose and states near it [rad or machine lengths].
 BESIDE = 0.05
 _PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReadingTree(SpanningTree):
-    """A reading as a tree with one link per joint, in joint order; hinge and slide frames have world axes at home.
+    """A reading as a tree with one link per joint, in joint order; frames of hinges and slides have world axes at the
+    home pose.
 
     Attributes:
         reading: The reading itself.
@@ -96,7 +97,7 @@ def tree_of(reading: Reading) -> ReadingTree:
 
 
 def _carried_frame(joint: JointReading, pose: Array) -> Array:
-    """Return the frame that a joint carries at home, with world axes for a hinge or slide and body axes otherwise."""
+    """Return a joint's frame at the home pose, with world axes for a hinge or slide and body axes otherwise."""
     if FREEDOMS[joint.kind] == 1:
         return matrix(joint.centre, np.eye(3))
     return pose if joint.kind == "free" else matrix(joint.centre, pose[:3, :3])

@@ -100,7 +100,7 @@ class Link:
 
     @property
     def letters(self) -> str:
-        """Letters of the elements; they are the same from either body."""
+        """Letters of the elements; they are the same as seen from either body."""
         return letters_of(self.elements)
 
     @property
@@ -149,7 +149,7 @@ class Body:
         members: Bodies of the reading that are merged into this body.
         pose: World pose of the member after which this body is named. Shape (4, 4).
         local: Mass properties in the frame of that member.
-        frames: Name -> world frame of everything that is part of the body. Shape (4, 4) each.
+        frames: Name of each link or member that is part of the body -> world frame. Shape (4, 4) each.
     """
 
     members: tuple[str, ...]
@@ -256,7 +256,7 @@ def graph_at_home(reading: Reading) -> Machine:
     rigid, pins = _sorted_closures(reading, length)
     owner, shift, joined = _owners([GROUND, *reading.bodies], rigid)
     copies = {name for name, body in reading.bodies.items() if body.copy_of}
-    remarks = [f"'{b}' and '{a}' are one body, as closures join them rigidly." for b, a in joined if b not in copies]
+    remarks = [f"Closures join '{b}' and '{a}' rigidly; they become one body." for b, a in joined if b not in copies]
     links = list[Link]()
     for name, body in reading.bodies.items():
         near, far = owner[body.near], owner[name]
@@ -371,7 +371,7 @@ def contract(machine: Machine, carriers: Iterable[str]) -> Machine:
     """Merge the two links of each massless body unless the result has more than six elements; set the kinds of links.
 
     Args:
-        carriers: Massless bodies; bodies that do not have exactly two links stay.
+        carriers: Massless bodies; bodies that do not have exactly two links are kept.
     """
     bodies, links = dict(machine.bodies), list(machine.links)
     for name in carriers:

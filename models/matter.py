@@ -217,7 +217,7 @@ def divide(parts: Mapping[int, Matter], after: Matter) -> dict[int, Matter]:
 
 
 def _much(before: Matter, after: Matter) -> bool:
-    """Return True if a body becomes much smaller."""
+    """Return True if a body's mass or inertia becomes more than ten times smaller."""
     moments = (float(np.abs(m.inertia + m.mass * steiner(m.com)).max()) for m in (before, after))
     return next(moments) > 10.0 * next(moments) or before.mass > 10.0 * after.mass
 

@@ -24,7 +24,7 @@ from screwgauge.reference.mechanism import GROUND, SLACK, Body, Frame, Mechanism
 from screwgauge.reference.rigid import compose, inverse
 from screwgauge.reference.rotations import Array
 
-#: Smallest mass and moment of a moving body that MuJoCo accepts [kg, kg m^2]; it stands for zero.
+#: Smallest mass and moment of a moving body that MuJoCo accepts [kg, kg m^2]; it is written instead of zero.
 LEAST = 1e-15
 #: Margin between a tensor's moments and values that MuJoCo rejects, relative to the largest moment, and in kg m^2; with
 #: a larger margin, the full tensor is written. Compilers before 3.14 rotate a tensor with nine digits.
@@ -303,8 +303,8 @@ def why_not(coupling: Coupling) -> str:
     """Return the reason why MJCF cannot express a coupling, or an empty string if MJCF can express it."""
     function = coupling.function
     if len(function.terms) > 1:
-        return "" if function.linear else "MuJoCo has no powers in equalities of several joints"
-    return f"MuJoCo has no powers above {POWERS - 1}" if len(function.polynomial) > POWERS else ""
+        return "" if function.linear else "MuJoCo does not support powers in equalities of several joints"
+    return f"MuJoCo does not support powers above {POWERS - 1}" if len(function.polynomial) > POWERS else ""
 
 
 def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:

@@ -190,7 +190,7 @@ def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str
 
 
 def _freedoms(mechanism: Mechanism, unit: float) -> list[tuple[Joint, Array, Array]]:
-    """Return each joint with the projector onto its motions and its screws at the home pose, lengths in `unit`."""
+    """Return each joint, the projector onto its motions, and its screws at the home pose, with lengths in `unit`."""
     lay, found = layout(mechanism), list[tuple[Joint, Array, Array]]()
     at = pose(lay, mechanism.home[None])
     for joint in mechanism.joints:
@@ -274,7 +274,7 @@ def _foot(joint: Joint, unit: float) -> Iterator[Shape]:
 
 @lru_cache(maxsize=2)
 def viewed_from(mechanism: Mechanism) -> Array:
-    """Return the direction to the viewer: face-on for a planar mechanism, or else frontal with joints visible."""
+    """Return the direction to the viewer: face-on for a planar mechanism; otherwise from the front, showing joints."""
     every = place_shapes(mechanism)
     points = np.array([one.a for one in every if one.group == "masses" or one.kind in ("slide", "ball")])
     places = [place for _, place, _ in joint_marks(mechanism)]  # empty if all bodies are free
@@ -298,7 +298,7 @@ def face_on_view(points: Array, axes: Array) -> Array | None:
     """Return the direction that shows a planar mechanism face-on; None for a spatial mechanism.
 
     Args:
-        points: Points of joints and bodies, in mechanism lengths. Shape (n, 3).
+        points: Points of joints and bodies, in units of the mechanism's length. Shape (n, 3).
         axes: Axes of all rotations; a row of zeros stands for a translation. Shape (m, 3).
     """
     flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3]
@@ -319,7 +319,7 @@ def view_axes(direction: Array) -> Array:
 
 
 def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
-    """Return the joints with their world positions and last axes at the home pose, in mechanism lengths."""
+    """Return the joints with their last axes and world positions (in mechanism lengths) at the home pose."""
     lay = layout(mechanism)
     at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
     found = list[tuple[Joint, Array, Array]]()

@@ -22,8 +22,8 @@ PART, NAMED = 0.05, 9
 def singular_joints(mechanism: Mechanism) -> tuple[str, ...]:
     """Return joints whose motion at the home pose opens loops to second order; empty if the home pose is regular.
 
-    Constraints that are dependent only at home, ``l G = 0``, do not prevent rates with ``G v = 0``; a finite motion
-    exists only where ``l dG(v) v = 0``.
+    Constraints that are dependent only at the home pose, ``l G = 0``, do not prevent rates with ``G v = 0``; a finite
+    motion exists only where ``l dG(v) v = 0``.
     """
     lay = layout(replace(mechanism, independent={}))
     loops, q = loop_equations(lay), mechanism.home[None]

@@ -201,12 +201,12 @@ def test_files_outside_the_folder_are_opened_with_leave(name, tmp_path, command)
     (tmp_path / "here" / name).write_text(text, encoding="utf-8")
     (tmp_path / "parts" / file).write_text(part, encoding="utf-8")
     path = tmp_path / "here" / name
-    with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
+    with pytest.raises(ScrewgaugeError, match="lies outside the model's folder"):
         import_model(path)
     for leave in ("../parts/", f"../parts/{file}"):
         assert "a" in import_model(path, Options(allow=[leave])).mechanism.body_index
     assert command("import", path, "-o", tmp_path / "out.toml", "--allow", "../parts/").out
-    with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
+    with pytest.raises(ScrewgaugeError, match="lies outside the model's folder"):
         import_model(path, Options(allow=["../other/"]))
 
 
@@ -219,7 +219,7 @@ def test_a_scene_allows_meshes_and_files_outside(tmp_path):
     scene = tmp_path / "here" / "s.toml"
     motion = "motion.j.harmonics = [[1, 0.1, 0]]\ntime = { duration = 1, step = 0.5 }\n"
     scene.write_text(f'mechanism = "m.xml"\n{motion}', encoding="utf-8")
-    with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
+    with pytest.raises(ScrewgaugeError, match="lies outside the model's folder"):
         load_scene(scene)
     scene.write_text(f'mechanism = "m.xml"\nallow = ["../parts/", "meshes"]\n{motion}', encoding="utf-8")
     assert load_scene(scene).mechanism.body("a").mass == 1.0

@@ -30,7 +30,7 @@ def test_powers_that_mujoco_does_not_have_are_its_own_failure(write, tmp_path):
     high = geared_five_bar("left", "right", [0.0, 0.5, 0.0, 0.0, 0.0, 0.2])
     scene = moving(write, high, {"left": 0.0}, "right.rod")
     results = screwgauge.run(scene, engines=["screw", "pinocchio", "mujoco"])
-    said = "coupling 'gear': MuJoCo has no powers above 4"
+    said = "coupling 'gear': MuJoCo does not support powers above 4"
     assert said in results.failures["mujoco"].reason
     assert results.exit_status == 3
     assert (results.pairs["ok"] | results.pairs[["a", "b"]].isin(["mujoco"]).any(axis=1)).all()

@@ -70,7 +70,7 @@ def test_the_nearest_pose_is_taken_and_the_other_one_named(side, four_bar):
     mechanism = load_mechanism(four_bar(c=f"home = [{0.9 * rocker}]"))
     assert mechanism.home[2] == pytest.approx(rocker, abs=CLOSED)
     (said,) = mechanism.remarks
-    assert "the nearest of 2 closing poses" in said
+    assert "the nearest of 2 poses that close the loops" in said
     assert f"'c' = {-rocker:.3g} rad" in said
     (remedy,) = re.findall(r"write (home = \[.*?\]) in joint 'c'", said)
     assert load_mechanism(four_bar(c=remedy)).home[2] == pytest.approx(-rocker, abs=CLOSED)
@@ -199,7 +199,7 @@ def test_import_writes_home_into_the_text_of_the_user(four_bar, command, inside)
     text, written = path.read_text(), (inside / "closed.toml").read_text()
     assert same_content(load_mechanism(inside / "closed.toml"), load_mechanism(path))
     assert not load_mechanism(inside / "closed.toml").remarks
-    bare = re.sub(r"(?m)^# (The home pose|As screw).*\n|^#.*(closing poses|first of these).*\n", "", written)
+    bare = re.sub(r"(?m)^# (The home pose|As screw).*\n|^#.*(that close the loops|first of these).*\n", "", written)
     for place in (r"home = \[[^\[\]]*\],? ?", r"(?m)^\n"):
         text, bare = re.sub(place, "", text), re.sub(place, "", bare)
     assert bare == text

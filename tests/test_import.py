@@ -177,7 +177,7 @@ def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(writ
         assert joint.limits.tolist() == [[-2.4, -0.5]]
         assert -2.4 < joint.home[0] < -0.5
     said = " ".join(imported.remarks)
-    assert "middle of the limits" in said
+    assert "middle of the joint ranges" in said
     assert re.search(r"own home .* 0\.\d+, .*foot outside limits", said)
     assert "left out" not in said
     assert import_model(path).mechanism.home.tolist() == mechanism.home.tolist()
@@ -329,7 +329,7 @@ def test_redundant_loops_move(tmp_path):
 
 
 def test_digits_that_lock_a_redundant_loop_are_blamed(tmp_path):
-    with pytest.raises(DescriptionError, match=r"rounding errors of about \de-06 .* write angles"):
+    with pytest.raises(DescriptionError, match=r"rounding errors of about \de-06, .* write angles"):
         import_model(planar(tmp_path, "1.5708"))
 
 

@@ -49,9 +49,9 @@ def test_every_property_is_compared(paper: Mechanism, tmp_path: Path) -> None:
     write_models(paper, tmp_path)
     rows = check_models(paper, tmp_path, readers=["mujoco"])
     full = [row for row in rows if "-full" in row.file]
-    for what in ("mass", "centre of mass", "inertia tensor", "pose at home", "parent and joints"):
+    for what in ("mass", "centre of mass", "inertia tensor", "home pose", "parent and joints"):
         assert len([row for row in full if row.what == what]) == 13
-    assert len([row for row in full if row.what == "joint axis at home"]) == 26
+    assert len([row for row in full if row.what == "home axis"]) == 26
     assert {"body names", "coordinate names", "total mass", "gravity", "actuators"} < {row.what for row in full}
 
 
@@ -87,7 +87,7 @@ ONE = [
     (ASYMMETRIC, "mujoco", TENSOR, "0.0099 0.0094 0.00097 -0.00028 0.00019 0.00033", "inertia tensor", "leg2.upper"),
     (ASYMMETRIC, "mujoco", TENSOR, "0.0099 0.0094 0.00097 0.00019 0.00033 -0.00028", "inertia tensor", "leg2.upper"),
     # at home q1 = 0: no pose shows it
-    *((URDF, reader, AXIS, TURNED, "joint axis at home", "leg3.q1") for reader in ("pinocchio", "yourdfpy")),
+    *((URDF, reader, AXIS, TURNED, "home axis", "leg3.q1") for reader in ("pinocchio", "yourdfpy")),
     ("3ups-upu-s.loops.toml", "loops", "child_points = [[0, 0.5,", "child_points = [[0, 0.51,",
      "closure points and frames", "leg2.wrist"),
 ]  # fmt: skip

@@ -205,7 +205,7 @@ def test_no_mesh_outside_the_folder_is_opened(way, shells, tmp_path):
     os.mkfifo(folder / "meshes" / "pipe.stl")
     (folder / "shells.xml").write_text(MESHES.format("").replace("BIG.stl", way), encoding="utf-8")
     said = (
-        "it is not a regular file" if "pipe" in way else "cannot be read" if "BIG" in way else "which lies outside its"
+        "it is not a regular file" if "pipe" in way else "cannot be read" if "BIG" in way else "which lies outside the"
     )
     with pytest.raises(ScrewgaugeError, match=said):
         prepare(folder / "shells.xml", meshes=True)

@@ -53,7 +53,7 @@ def test_no_file_outside_the_folder_is_opened_by_a_link(write, tmp_path):
     os.symlink(outside, folder / "inside.xml")
     path = folder / "model.xml"
     path.write_text(mjcf(BODY, '<include file="inside.xml"/>'), encoding="utf-8")
-    with pytest.raises(ModelFileError, match="lies outside its folder"):
+    with pytest.raises(ModelFileError, match="lies outside the model's folder"):
         read(path, "mujoco")
 
 

@@ -115,7 +115,7 @@ def _rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Array:
 
 
 def _matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, Array]:
-    """Return a body's mass properties (None if geoms define them), and the orientation in which the file gives J."""
+    """Return a body's mass properties (None if geoms define them), and the orientation of the file's inertia axes."""
     inertial, geoms, setting = body.find("inertial"), body.find("geom"), compiler.get("inertiafromgeom", "auto")
     if inertial is None or (setting == "true" and geoms is not None):
         return (NOTHING if geoms is None or setting == "false" else None), np.eye(3)
@@ -299,7 +299,7 @@ def _differ(one: Array, other: Array, tag: str) -> bool:
 def _put_site(
     xml: XmlText, name: str, T: Array, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]
 ) -> None:
-    """Move a site to a world pose; reject a site that anything but closures with this pose uses."""
+    """Move a site to a world pose; reject a site that is used for anything but closures at this pose."""
     site = next((element for element in xml.root.iter("site") if element.get("name") == name), None)
     if site is None or site.parent is None or site.parent.tag == "frame" or "fromto" in site.attributes:
         raise UnpatchableError(f"the file itself has no body with a site '{name}' that is placed by pos")
@@ -307,7 +307,7 @@ def _put_site(
     wanted = [(tie.tag, ends[key][i]) for key, tie in ties.items() for i in (0, 1) if tie.get(_SITES[i]) == name]
     others = [element for element in xml.root.iter() if element not in ties.values() and name in _values(element)]
     if others or any(_differ(T, other, tag) for tag, other in wanted):
-        raise UnpatchableError(f"site '{name}' is also used elsewhere: add a separate site for the closure")
+        raise UnpatchableError(f"site '{name}' is also used elsewhere; add a separate site for the closure")
     at = relative(frames.get(site.parent, np.eye(4)), T)
     xml.set(site, pos=vector_text(at[:3, 3]))
     orient(xml, site, at[:3, :3])

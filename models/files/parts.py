@@ -236,7 +236,7 @@ def locate_file(path: Path, name: str, folder: Path, verb: str) -> Path:
     except (OSError, RuntimeError, ValueError):  # path too long, or circular symbolic links
         file = Path()
     if not any(map(file.is_relative_to, (folder, *_ALLOWED.get()))):
-        what = f"{verb} '{name}', which lies outside its folder"
+        what = f"{verb} '{name}', which lies outside the model's folder"
         raise ModelFileError(
             what, str(path), "copy that file into the folder, or allow it (import and run: --allow PATH)"
         )

@@ -53,7 +53,7 @@ def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[
         links = {link.get("name") for link in model.iterfind("link")}
         for joint in (each for each in model.iterfind("joint") if each.get("name") in links):
             name = f"{joint.get('name')}_joint"
-            said.append(f"A joint and a link are both called '{joint.get('name')}': the joint is renamed to '{name}'.")
+            said.append(f"A joint and a link are both called '{joint.get('name')}'; the joint is renamed to '{name}'.")
             joint.set("name", name)
     for parent in [element for element in root.iter() if element.find("include") is not None]:
         for i, include in [(i, each) for i, each in enumerate(parent) if each.tag == "include"]:

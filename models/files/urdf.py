@@ -186,7 +186,7 @@ def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
 
 
 def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
-    """Read a URDF and replace with a hinge each joint that is fixed in a description.
+    """Read a URDF; replace the fixed joints of a description with hinges.
 
     Raises:
         ModelFileError: The file cannot be read, or `with_hinges` rejects it.
@@ -195,7 +195,7 @@ def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
 
 
 def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
-    """Replace the fixed joints of a description, in the text of a URDF, with hinges about the joints' z axes.
+    """In the text of a URDF, replace the fixed joints of a description with hinges about the joints' z axes.
 
     A coupling in the description keeps each hinge at a constant angle.
 

@@ -54,7 +54,7 @@ def _sentences(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, .
         near = " near the file's own home pose" if chosen.start == OWN else ""
         aim = f"closed loops{near}" if opened else "a margin to the limits"
         what = f"{len(moved)} coordinates are moved; '{most}' moves the most, by {moved[most]:.3g}"
-        sentences.append(f"The home pose is a pose with {aim}: {what}.")
+        sentences.append(f"The home pose is moved to a pose with {aim}: {what}.")
     sentences += why
     if opened:
         sentences.append(f"At the file's own home pose, loops are open: {few_of(opened)}.")
@@ -86,7 +86,7 @@ FULL = "write angles and axes with all digits, e.g. pi/2 as 1.5707963267948966"
 
 def rounding_sentence(hidden: Array) -> str:
     """State how many loop equations are independent only because of rounding."""
-    return f"without rounding errors of about {hidden.max():.0e} they would leave {len(hidden)} more"
+    return f"without rounding errors of about {hidden.max():.0e}, they would leave {len(hidden)} more"
 
 
 def motions(mechanism: Mechanism) -> tuple[Array, Array]:

@@ -62,7 +62,7 @@ def _solve_each(couplings: Couplings, leading: Collection[str]) -> Couplings | N
 
 
 def _solve_linear(couplings: Couplings, leading: Collection[str]) -> Couplings:
-    """Solve all linear couplings so that dependent joints depend on independent joints; drop redundant couplings."""
+    """Solve linear couplings so that dependent joints depend only on independent joints; drop redundant couplings."""
     linear = [name for name, one in couplings.items() if one.function.linear]
     kept = {one.joint for one in couplings.values() if not one.function.linear}
     joints = list(dict.fromkeys(joint for name in linear for joint in couplings[name].named))

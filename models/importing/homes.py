@@ -16,7 +16,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import gaps_and_rows, move_joints
 from screwgauge.witness.tree import TreeStates
 
-#: Number of Newton starts near home, and their largest distance from home [rad or model lengths]; every second
+#: Number of Newton starts near the home pose, and their largest distance from it [rad or model lengths]; every second
 #: start is followed by a start anywhere within the limits.
 STARTS, FARTHEST, EVERY = 40, np.pi, 2
 ENOUGH = 8  # number of closed poses within limits to find, if none is well conditioned
@@ -25,7 +25,7 @@ ROUNDING = 1e-5
 #: Singular values of the loop equations: smallest regular value; value below which an equation counts as redundant.
 REGULAR, REDUNDANT = 2e-3, 1e-8
 #: Smallest singular value that counts as well conditioned: accelerations contain rounding errors of these equations,
-#: multiplied by the cube of its inverse; they stay below 1e-11, the tolerance to which engines are compared.
+#: multiplied by the cube of its inverse; they stay below 1e-11, the tolerance within which engines must agree.
 WELL = float(np.cbrt(ROUNDED * EPS / 1e-11))
 #: Margin between coordinates and their limits, as a share of the range, and its maximum [rad]: a motion needs room.
 MARGIN, ROOM = 0.15, 0.3
@@ -114,10 +114,10 @@ def _reasons(best: Home, homes: Sequence[Home]) -> Iterator[str]:
     )
     reason = f"{reason} value of the loop equations there is {best.least:.2g}."
     if (own := homes[0]).start != OWN:
-        yield f"{reason} From {OWN} the loops do not close."
+        yield f"{reason} From {OWN}, the loops do not close."
         return
     kept = f", with {few_of(own.beyond)} outside limits" if own.beyond else ""
-    yield f"{reason} From {OWN} the loops close at a pose where this value is {own.least:.2g}{kept}."
+    yield f"{reason} From {OWN}, the loops close at a pose where this value is {own.least:.2g}{kept}."
 
 
 def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
@@ -133,7 +133,7 @@ def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterat
     bounded = [name for name in bounded if loops.closing[loops.tree.freedoms[name]].any()]
     near, inside = np.random.default_rng(0), np.random.default_rng(1)
     if bounded:
-        yield "the middle of the limits", _interpolate(loops, bounded, np.full(len(bounded), 0.5))
+        yield "the middle of the joint ranges", _interpolate(loops, bounded, np.full(len(bounded), 0.5))
     for i in range(1, STARTS):
         step = FARTHEST * i / (STARTS - 1) * near.uniform(-1.0, 1.0, len(loops.closing))
         yield "a random pose near the file's own home pose", loops.stepped(loops.home, loops.closing * step)
@@ -175,7 +175,7 @@ def joints_beyond(loops: Loops, q: Array) -> list[str]:
 
 
 def _is_at_limit(loops: Loops, q: Array) -> bool:
-    """Return True if a joint is at a limit or outside it."""
+    """Return True if a joint is at or beyond a limit."""
     at = loops.values(q)
     return any(name in at and low < high and not low < at[name] < high for name, (low, high) in limits(loops))
 
@@ -314,7 +314,7 @@ class Loops:
         return dict(zip(self.units, np.split(self.system(q)[0], ends[:-1]), strict=True)) if self.units else {}
 
     def gaps(self, q: Array, least: float) -> list[str]:
-        """Describe the gap of each open closure and coupling as text, widest gap first."""
+        """List descriptions of the gaps of open closures and couplings, from the widest to the narrowest gap."""
         widest_first = sorted(self.residuals(q).items(), key=lambda entry: -np.abs(entry[1]).max())
         return [self._gap(name, r) for name, r in widest_first if np.abs(r).max() > least]
 

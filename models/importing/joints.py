@@ -17,7 +17,7 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import GROUND, KINDS, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
-#: Largest cosine between orthogonal axes, and largest distance between intersecting axes as a share of the length;
+#: Largest cosine between orthogonal axes, and largest distance between intersecting axes as a fraction of the length;
 #: descriptions are only checked to 1e-12.
 RIGHT, MEET = 1e-13, 1e-14
 #: Names of joints with several degrees of freedom.

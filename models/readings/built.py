@@ -32,7 +32,7 @@ def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: s
         where: Location to report in errors.
 
     Raises:
-        ScrewgaugeError: The object is not a model, or a mechanism does not support a constraint.
+        ScrewgaugeError: The object is not a model, or a constraint is not supported.
     """
     import pinocchio
 

@@ -280,7 +280,7 @@ def _options(model: Any) -> Iterator[Content]:
         if model.opt.enableflags & int(getattr(mujoco.mjtEnableBit, f"mjENBL_{flag}")):
             yield Content("switched on", f"flag {flag.lower()}, enabled", values=())
     if groups := int(model.opt.disableactuator):
-        yield Content("switched off", "groups of actuators, disabled", values=(("bits", float(groups)),))
+        yield Content("switched off", "disabled actuator groups", values=(("bits", float(groups)),))
     if medium and model.geom_fluid[:, :1].any():
         what = "fluid shape of geoms"
         bodies = {model.body(model.geom_bodyid[i]).name for i in range(model.ngeom) if model.geom_fluid[i, 0]}

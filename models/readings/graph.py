@@ -34,7 +34,7 @@ from screwgauge.reference.rotations import Array
 
 #: Name by which a joint refers to the world instead of a link.
 WORLD = ""
-#: Magnitude from which a limit counts as infinite [rad or m]; tolerance for treating directions as coplanar.
+#: Smallest magnitude of limits that count as infinite [rad or m]; tolerance for treating directions as coplanar.
 _BOUNDLESS, _DEPENDENT = 1e16, 1e-5
 
 
@@ -110,7 +110,7 @@ def in_series(joints: Mapping[str, GraphJoint], rounding: float) -> tuple[dict[s
         found[[*same, name][0]] = replace(found[same[0]] if same else joint, freedoms=freedoms)
     several = [names for names in pairs.values() if len(names) > 1]
     return found, [
-        f"Joints {', '.join(names)} connect the same bodies: they are read as a series." for names in several
+        f"Joints {', '.join(names)} connect the same bodies; they are read as a series." for names in several
     ]
 
 
@@ -188,7 +188,7 @@ def _free_name(name: str, names: Collection[str]) -> str:
 
 
 def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
-    """Make joint directions that are parallel or perpendicular up to rounding exactly so, as loops require."""
+    """Make joint directions exactly parallel or perpendicular if they nearly are, as loops require."""
     known, aligned = list[Array](), dict[str, JointReading]()
     for name, joint in joints.items():
         way = joint.direction

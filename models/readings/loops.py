@@ -30,13 +30,13 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
 
 
 def loops_beside(path: Path) -> Path | None:
-    """Return the file that closes the loops of a URDF and is in the same folder, or None."""
+    """Return the file in a URDF's folder that closes the URDF's loops, or None."""
     candidates = (path.with_name(f"{path.stem}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml"))
     return next((file for file in candidates if is_file(file)), None)
 
 
 def with_loops(reading: Reading, path: Path) -> Reading:
-    """Add the closures, motors and spherical joints of the loops file of a URDF to its reading.
+    """Add the closures, motors and spherical joints of a loops file to the reading of its URDF.
 
     Raises:
         ScrewgaugeError: The file cannot be read, or refers to items that the reading lacks.

@@ -54,7 +54,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
             remedy = "add an <inertial> to the body, or read meshes (--meshes of import, run, check and diagnose)"
             raise ModelFileError(f"{what} comes from meshes, which are not read", where, remedy)
         if shape.body.tag == "body":
-            content.append(Content("put in place", f"{what}, which is fixed and has mass from meshes"))
+            content.append(Content("put in place", f"{what} from meshes, since the body is fixed"))
     classes = classes_of(root)
     for shape in [shape for shape in shapes(root) if shape.from_file(classes)]:
         shape.parent.remove(shape.geom)
@@ -71,7 +71,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
 
 
 def _idle_plugins(root: ET.Element) -> Iterator[Content]:
-    """Remove plugins that only removed elements, such as sensors, used; yield these plugins as content."""
+    """Remove plugins that were used only by removed elements, such as sensors; yield the plugins as content."""
     declared = {id(each) for extension in root.iter("extension") for each in extension.iter("plugin")}
     used = {each.get(key) for each in root.iter("plugin") if id(each) not in declared for key in ("plugin", "instance")}
     for extension in root.findall("extension"):
@@ -180,7 +180,7 @@ _JOINTS = ("joint", "freejoint", "attach")
 
 
 def weigh(root: ET.Element, path: Path, folder: Path, *, own: bool = True) -> list[str]:
-    """Write an ``<inertial>`` for bodies whose mass depends on meshes, with the values that MuJoCo computes.
+    """Write an ``<inertial>`` for bodies whose mass depends on meshes; MuJoCo computes the values.
 
     Args:
         root: Root element of an MJCF in which all bodies have names.

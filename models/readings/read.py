@@ -105,7 +105,7 @@ def _joint(robot: Any, joint: Any, home: float) -> JointReading:
     )
 
 
-#: Number of links and joints that are named; further ones are only counted.
+#: Number of links and joints that are named; further items are only counted.
 _NAMED = 3
 
 

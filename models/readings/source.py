@@ -34,7 +34,7 @@ from screwgauge.reference.lint import DEGREES, TURNED, in_degrees
 
 #: Root element -> format.
 FORMATS = {"robot": "urdf", "mujoco": "mjcf", "sdf": "sdf", "usd": "usd"}
-#: Elements of an unexpanded xacro file; calls to undefined macros remain after expansion, too.
+#: Elements of an unexpanded xacro file, except calls of macros: calls to undefined macros also remain after expansion.
 _OF_XACRO = {f"xacro:{name}" for name in ("include", "macro", "property", "arg", "if", "unless", "insert_block")}
 #: Pattern of a decimal number.
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -189,7 +189,7 @@ def _urdf(root: ET.Element, path: Path) -> Source:
 
 
 def _turn_warnings(root: ET.Element) -> Iterator[str]:
-    """Yield messages about origins of a URDF and poses of an SDF whose angles exceed two turns, probably in degrees."""
+    """Yield messages about URDF origins and SDF poses whose angles exceed two turns and are probably in degrees."""
     for parent in root.iter():
         for place in (each for each in parent if each.tag in ("origin", "pose") and each.get("degrees") != "true"):
             text = place.get("rpy") if place.tag == "origin" else " ".join((place.text or "").split()[3:6])
