@@ -318,9 +318,9 @@ def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_fil
     path.write_text(text, encoding="utf-8")
     for typed in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
         said = command(*typed, status=2).err
-        assert f"screwgauge: {path.name}: no motion of 0.01 rad" in said
+        assert f"screwgauge: {path.name}: not even a motion of 0.01" in said
         assert "limits of 'jc' ([-1e-05, 2e-05] rad); widen" in said
-        assert "tmp" not in said.rpartition("no motion")[2]
+        assert "tmp" not in said.rpartition("not even")[2]
 
 
 def test_redundant_loops_move(tmp_path):
