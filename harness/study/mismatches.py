@@ -1,5 +1,5 @@
-"""Comparison of a user's model files with the description of a scene: differences, with the keys that allow them, and
-forces that only the files contain.
+"""Comparison of a user's model files with the description of a scene: differences, keys for allowing them, and forces
+that only the files contain.
 """
 
 from __future__ import annotations

@@ -257,7 +257,7 @@ def _missing_quantities(asked: _Asked, answers: Mapping[str, Solution]) -> Itera
 
 
 def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
-    """Yield the samples that engines omit without having declared so."""
+    """Yield the samples that engines omit although they declare no such limit."""
     t = asked.scene.t
     for name, answer in answers.items():
         if name in asked.scene.tables:

@@ -40,7 +40,7 @@ class Journal:
         """Read the log on disk.
 
         Args:
-            place: Folder or file of the table or report of the work; if None, nothing is stored.
+            place: Folder or file to which the table or report is written; if None, nothing is stored.
             address: Address of the work, see `address`.
             fits: Function that returns True if a result has the expected form; other results are computed again.
         """

@@ -72,7 +72,7 @@ class Explanation:
     digits: float = 0.0
 
     def convinces(self, known: Container[Key] = (), least: float = 1.0) -> bool:
-        """Return True if more agrees than the fitted sizes account for; sizes found in other columns count as known."""
+        """Return True if more digits agree than fitted sizes explain; sizes found in other columns count as known."""
         tried = sum(fault.kind != "noise" for fault in self.faults)
         fitted = sum(fault.fitted and fault.key not in known for fault in self.faults)
         # white noise alone shows that nothing else is wrong

@@ -178,7 +178,7 @@ def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Ite
 
 
 def _compare_error(scene: str, one: Residual, before: float | None) -> tuple[bool, str] | None:
-    """Return True and a sentence if an error grew, False and a sentence if it shrank; None if it changed by noise."""
+    """Return True and a sentence if an error grew, False and a sentence if it shrank, None if the change is noise."""
     then = float("nan") if before is None else float(before)
     a, b = digits(then), digits(one.error)
     sentence = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"

@@ -36,7 +36,7 @@ class Item:
 
 
 def items(what: Iterable[str | Path]) -> list[Item]:
-    """Convert arguments to items: two model files form a pair, four form two pairs; any other file is a scene.
+    """Convert arguments to items: model files form pairs, in order; a single model file counts as a scene.
 
     Args:
         what: Built-in scenes, files, folders; all built-in scenes if empty.

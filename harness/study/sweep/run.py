@@ -122,7 +122,7 @@ class Sweep:
 
     @cached_property
     def numbers(self) -> pd.DataFrame:
-        """Numbers of all variants."""
+        """Varied numbers of each variant."""
         draw = Draw(self.plan)
         return pd.DataFrame(draw.values(range(len(self.values))).T, columns=draw.names)
 
