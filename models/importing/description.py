@@ -65,7 +65,7 @@ def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
 
 
 def _texts(text: str, name: str, home: str) -> Iterator[str]:
-    """Yield versions of the text with a joint's home entry at each possible place; the last adds a separate table."""
+    """Yield versions of the text with a joint's home entry at each possible place; the last version adds a table."""
     quoted = rf"(?:\"{re.escape(name)}\"|'{re.escape(name)}'|{re.escape(name)})"
     for place, new in _PLACES:
         for match in re.finditer(place.format(quoted), text, re.MULTILINE | re.DOTALL):

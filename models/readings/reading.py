@@ -235,7 +235,7 @@ class Reading:
         return {GROUND: np.eye(4), **{name: body.pose for name, body in self.bodies.items()}}
 
     def ends(self, closure: str) -> tuple[tuple[str, Array], tuple[str, Array]]:
-        """Return the two bodies of a closure, each with the closure's frame on it, in the world. Shape (4, 4)."""
+        """Return the two bodies of a closure, each with the world frame of the closure on that body. Shape (4, 4)."""
         one, poses = self.closures[closure], self.poses
         return (one.first, poses[one.first] @ one.first_frame), (one.second, poses[one.second] @ one.second_frame)
 
