@@ -41,7 +41,7 @@ def pair_machines(a: Machine, b: Machine, names: Names, believed: Believed) -> P
 
 
 def _hidden_links(pair: Pair) -> Iterator[tuple[str, Link]]:
-    """Find links to unmatched bodies whose mass is contained in the partner of their neighbour."""
+    """Find links to unmatched bodies whose mass is included in that of their neighbour's partner."""
     for side, each in (("A", pair), ("B", pair.inverse)):
         partners = each.bodies
         for link in (end for one in each.only_a for end in (one, one.reversed())):
