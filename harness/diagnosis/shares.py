@@ -240,7 +240,7 @@ def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed:
 
 
 def warn_of_order(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[str, ...]:
-    """Warn if libraries order the joints of a model file differently, which its description cannot show.
+    """Warn if libraries order the joints of a model file differently, because its description cannot show this.
 
     Args:
         meshes: True if the file was imported with mass from meshes.

@@ -136,7 +136,7 @@ def _components(
 ) -> Iterator[SizedResidual]:
     """Yield errors of each common component of a unit at samples that both engines solved.
 
-    Yields the error that exceeds its limit most, or the largest error if all are within their limits. Limits vary from
+    Yields the error that most exceeds its limit, or the largest error if all are within their limits. Limits vary from
     sample to sample with conditioning and integration error. The reason states the share of integration error.
     """
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)

@@ -224,7 +224,7 @@ class _Walk:
         return chosen
 
     def _coincide(self, one: Link, other: Link, near: str) -> bool:
-        """Return True if two links and most of their descendants coincide under the placement of a body."""
+        """Return True if two links and most of their descendants coincide at the placement of a body."""
         T = self.placed[near]
         if one.kind != other.kind or distance(self.a, (one, other), T) > EXACT:
             return False
