@@ -65,7 +65,7 @@ WRONG = {
     "lacks all": ("ENGINE = replace(ENGINE, lacks=dict.fromkeys(OF_MOTION, 'no'))", "lacks every quantity"),
     "refuses all": (
         "def load(files): raise ModelFileError('is odd', 'own', 'leave it')",
-        "first (3ups-upu-s-fast: own: is odd",
+        "try (3ups-upu-s-fast: own: is odd",
     ),
     "misses a library": (
         "def load(files): import missing",
