@@ -119,10 +119,10 @@ def test_the_medium_is_seen_by_the_libraries_own_torques(diagnosed):
     """Own dynamics know no medium, and `no torque shows it` would be false."""
     found = diagnosed(".xml", PLAIN, DENSE)
     assert [(each.what, each.a, each.b, each.unit) for each in found.differences] == [("density", 0, 1000, "kg/m^3")]
-    assert "omit density" in found.verdict
+    assert "leave out density" in found.verdict
     assert "no torque" not in found.verdict
     both = diagnosed(".xml", PLAIN, DENSE.replace('mass="2"', 'mass="2.1"'))
-    assert "omit density" in both.verdict
+    assert "leave out density" in both.verdict
 
 
 def test_warnings_of_a_library_withhold_the_same_where_one_model_alone_has_them(diagnosed):

@@ -158,7 +158,7 @@ def _outside(causes: Sequence[Cause]) -> Iterator[str]:
     """Yield sentences about differences that do not affect torques."""
     whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
     if whats:
-        yield f"Torques of bodies and joints do not depend on {join(whats)}."
+        yield f"The torques of bodies and joints leave out {join(whats)}."
     if any(each.kind == "unseen" and _of_loops(each.facts[0]) for each in causes):
         yield "Torques for a given motion cannot show how loops differ."
 
