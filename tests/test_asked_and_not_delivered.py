@@ -64,7 +64,7 @@ def test_a_simulation_without_all_joint_motions_is_no_agreement(given, stand_in)
     results = screwgauge.run(load_scene("a01-pendulum").at([0.0, 0.1]), engines=["screw", "mujoco"])
     assert results.exit_status == 1
     assert not results.pairs["ok"].all()
-    assert "mujoco: did not return the requested " in " ".join(repr(results).split())
+    assert "mujoco: did not return " in " ".join(repr(results).split())
 
 
 def test_observables_alone_need_joint_positions_alone_and_rates_to_be_judged(stand_in):
@@ -121,7 +121,7 @@ def test_a_stream_stops_there(stand_in):
     stand_in(mujoco=only("joint_position"))
     scene = load_scene("3ups-upu-s")
     assert isinstance(scene.task, GivenMotion)
-    with pytest.raises(ScrewgaugeError, match="mujoco failed: did not return the requested actuator_force"):
+    with pytest.raises(ScrewgaugeError, match="did not return the requested actuator_force"):
         next(screwgauge.stream(scene, [scene.t[:2]], engine="mujoco", quantities=["actuator_force"]))
 
 

@@ -41,8 +41,6 @@ second = "rod"
 second_point = [0.1, 0, 0]
 stiffness = 90
 """
-#: A bar that hangs down at home, and turns about y.
-PENDULUM = data("hanging-bar.toml")
 SWING = data("hanging-bar-scene.toml")
 
 
@@ -57,7 +55,7 @@ def crank(write):
 
 
 def test_a_pendulum_with_spring_and_motor_transmits_what_its_inertia_and_weight_need(write):
-    write("pendulum.toml", PENDULUM)
+    write("pendulum.toml", data("hanging-bar.toml"))  # a bar that hangs down at home, and turns about y
     scene = screwgauge.load_scene(write("swing.toml", SWING))
     results = screwgauge.run(scene, ["screw", "pinocchio", "mujoco"], [*ASKED, "actuator_force"])
     assert results.ok

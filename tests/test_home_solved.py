@@ -70,7 +70,7 @@ def test_the_nearest_pose_is_taken_and_the_other_one_named(side, four_bar):
     mechanism = load_mechanism(four_bar(c=f"home = [{0.9 * rocker}]"))
     assert mechanism.home[2] == pytest.approx(rocker, abs=CLOSED)
     (said,) = mechanism.remarks
-    assert "the nearest of 2 poses that close the loops" in said
+    assert "nearest of 2 poses" in said
     assert f"'c' = {-rocker:.3g} rad" in said
     (remedy,) = re.findall(r"write (home = \[.*?\]) in joint 'c'", said)
     assert load_mechanism(four_bar(c=remedy)).home[2] == pytest.approx(-rocker, abs=CLOSED)

@@ -105,14 +105,11 @@ def check_same(one: Mechanism, other: Mechanism) -> None:
             assert np.array_equal(getattr(joint, key).p, getattr(twin, key).p)
 
 
-#: A planar four-bar as grippers have it: a connect between bodies, a driver whose twin is coupled to it by a joint
-#: equality, armature and springs, a home that is closed.
-GRIPPER = data("gripper.xml")
-
-
+# A planar four-bar as grippers have it: a connect between bodies, a driver whose twin is coupled to it by a joint
+# equality, armature and springs, a home that is closed.
 @pytest.fixture
 def gripper(write) -> Path:
-    return write("gripper.xml", GRIPPER)
+    return write("gripper.xml", data("gripper.xml"))
 
 
 def test_a_gripper_runs(gripper):
@@ -251,7 +248,7 @@ def test_choices_are_followed(gripper):
     mechanism = import_model(gripper, wanted).mechanism
     assert dict(mechanism.independent) == {"angle": "follower"}
     assert [joint.name for joint in mechanism.actuators] == ["follower"]
-    with pytest.raises(DescriptionError, match="2 coordinates have rank 1, but the mechanism has 1"):
+    with pytest.raises(DescriptionError, match="rank 1, but the mechanism has 1"):
         import_model(gripper, Options(independent={"a": "follower", "b": "driver"}))
     with pytest.raises(ScrewgaugeError, match=r"--actuated: .*'nobody'"):
         import_model(gripper, Options(actuated=["nobody"]))

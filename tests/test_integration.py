@@ -12,8 +12,6 @@ from support.tolerances import CLOSED, LINEAR
 
 pytestmark = pytest.mark.slow
 
-SLIDER_CRANK = data("dead-centre.toml")
-
 
 @pytest.fixture(scope="module")
 def pendulum():
@@ -75,7 +73,7 @@ def test_singular_poses_are_stepped_over_when_met():
 @pytest.mark.slow
 def test_where_the_coordinate_turns_back_what_was_computed_is_kept(write):
     """At dead centre the piston no longer determines the crank."""
-    lay = layout(load_mechanism(write("dead-centre.toml", SLIDER_CRANK)))
+    lay = layout(load_mechanism(write("dead-centre.toml", data("dead-centre.toml"))))
     times = np.linspace(0.0, 2.0, 81)
     found = integrate(lay, Applied(gravity=np.zeros(3)), times, yd=np.array([1.0]), rtol=1e-8)
     assert found.stopped != ""

@@ -21,7 +21,6 @@ from support.solve import Pace, layout
 
 pytestmark = pytest.mark.slow
 
-SIBLING = data("light-cart.toml")
 FALL = """
 mechanism = "{mechanism}"
 time = {{ duration = {duration}, step = {step} }}
@@ -38,7 +37,7 @@ MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 @pytest.fixture
 def fall(write):
     def make(name: str, duration: float = 10.0, step: float = 0.05) -> Scene:
-        write("sibling.toml", SIBLING)
+        write("sibling.toml", data("light-cart.toml"))
         mechanism = name if name == "cart-pole" else f"{name}.toml"
         return screwgauge.load_scene(write("fall.toml", FALL.format(mechanism=mechanism, duration=duration, step=step)))
 

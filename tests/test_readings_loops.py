@@ -26,13 +26,11 @@ from support.readings import (
     with_loops,
 )
 
-#: Two legs, the left one of two links; a massless frame at each end, and one in the ground.
-LEGS = data("two-legs.urdf")
 
-
+# Two legs, the left one of two links; a massless frame at each end, and one in the ground.
 @pytest.fixture
 def legs(write) -> Reading:
-    return read(write("robot.urdf", LEGS), "pinocchio")
+    return read(write("robot.urdf", data("two-legs.urdf")), "pinocchio")
 
 
 #: A turned arm of three links, each of which is more than one.

@@ -198,11 +198,8 @@ def test_prose_has_paragraphs_and_lists() -> None:
     assert prose("one\ntwo\n\n- a\n  b\n- c\n") == [Text("one two"), Items(("a b", "c"))]
 
 
-TEXT = data("report-text.md")
-
-
 def told(monkeypatch, tmp_path, n: int) -> Report:
-    (tmp_path / f"kind-{n}.md").write_text(TEXT, encoding="utf-8")
+    (tmp_path / f"kind-{n}.md").write_text(data("report-text.md"), encoding="utf-8")
     monkeypatch.setattr("screwgauge.report.layout.TEXTS", tmp_path)
     monkeypatch.setattr("screwgauge.report.layout._glossary", dict)
     rows = [{"name": f"row {k}", "size": k} for k in range(n)]

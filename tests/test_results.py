@@ -161,7 +161,7 @@ def test_what_is_no_scene_is_refused(call, what):
         (lambda s: s.under(loads={"on": "rod"}), "under: 'loads' is not a list"),
         (lambda s: s.under(loads=["rod"]), "under, loads: 'rod' is not"),
         (lambda s: s.under(loads=[{"on": "rodd", "by": "environment", "force": [0, 0, 1]}]), "did you mean 'rod'"),
-        (lambda s: s.under(springs=[{"coordinate": "a"}]), "under, springs: .* neither stiffness nor damping"),
+        (lambda s: s.under(springs=[{"coordinate": "a"}]), "springs: .* neither stiffness nor damping"),
         (lambda _: screwgauge.diagnose("slider-crank", "slider-crank", map=3), "map: 3 is neither a file"),
     ],
 )

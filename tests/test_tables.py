@@ -206,7 +206,7 @@ def test_the_bench_measures_no_tables(scene, right, refused):
 @pytest.mark.parametrize(
     ("t", "columns", "said"),
     [
-        ([0.0, 1.0], {"a": [1.0]}, r"column 'a' has shape \(1,\), but there are 2 times"),
+        ([0.0, 1.0], {"a": [1.0]}, r"column 'a' has shape \(1,\), but there are 2"),
         ([[0.0]], {"a": [1.0]}, "is not a list of times"),
         ([0.0], {"a": [np.nan]}, "finite number in data row 1"),
         ([0.0], {}, "has no column besides t"),

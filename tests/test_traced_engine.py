@@ -132,13 +132,10 @@ def test_home_at_rest_has_numbers(backend):
     assert all(np.isfinite(values.array).all() for values in found.values.values())
 
 
-#: A slider-crank whose slide might turn, but rests: its angle, 0.3 rad at home, is in the tree.
-RESTING = data("resting.toml")
-
-
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_coordinates_of_the_tree_that_rest_are_known_where_poses_are_predicted(backend, tmp_path):
-    (tmp_path / "resting.toml").write_text(RESTING, encoding="utf-8")
+    # the slide of this slider-crank might turn, but rests: its angle, 0.3 rad at home, is in the tree
+    (tmp_path / "resting.toml").write_text(data("resting.toml"), encoding="utf-8")
     path = tmp_path / "scene.toml"
     motion = "motion.crank.harmonics = [[3, 0, 0.4]]\ntime = { duration = 1, step = 0.02 }\n"
     path.write_text(f'mechanism = "resting.toml"\n{motion}', encoding="utf-8")
@@ -154,7 +151,7 @@ def test_badly_conditioned_samples_are_left_to_the_array_solver_and_counted():
     motion = GivenMotion(np.arange(4.0), y, np.ones((4, 2)), np.ones((4, 2)))
     scene = replace(screwgauge.load_scene("3ups-upu-s"), task=motion, drive=None, text={})
     mine, other = solved(scene, "numpy"), solved(scene, "array")
-    assert mine.notes[0].startswith("2 of 4 samples were solved by a program of")
+    assert mine.notes[0].startswith("2 of 4 samples were solved")
     assert mine.notes[0].endswith("solver (2 badly conditioned)")
     assert np.array_equal(mine.values["reaction"].array[2:], other.values["reaction"].array[2:])
 
@@ -186,7 +183,7 @@ def test_fewer_actuators_than_freedoms_are_left_to_the_arrays():
         replace(joint, actuated=False) if joint.name == "left" else joint for joint in scene.mechanism.joints
     )
     lay = layout(replace(scene.mechanism, joints=joints))
-    with pytest.raises(NotTraceableError, match="fewer actuators than degrees of freedom"):
+    with pytest.raises(NotTraceableError, match="fewer actuators than degrees"):
         check_traceable(lay, scene.problem(["actuator_force"]))
 
 

@@ -22,7 +22,6 @@ from support.models import write_models
 pytestmark = pytest.mark.slow
 
 BLANK = 6000  # a picture without anything in it is smaller [bytes]
-STUCK = data("stuck.toml")
 
 
 def test_the_page_is_written(tmp_path: Path) -> None:
@@ -78,7 +77,7 @@ def test_nothing_is_elsewhere_in_a_model_of_the_same_machine(name: str, kind: st
 
 
 def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, command) -> None:
-    file = write("stuck.toml", STUCK)
+    file = write("stuck.toml", data("stuck.toml"))
     page = tmp_path / "page.html"
     assert "showing the home pose, " in command("view", file, "--out", page).err
 
