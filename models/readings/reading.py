@@ -212,8 +212,15 @@ class Reading:
         return None
 
     def end_on(self, link: str) -> tuple[str, Array]:
-        """Return the body that contains a link, and the link's frame there; the ground for an empty or unknown name."""
-        return self._place(link) or (GROUND, np.eye(4))
+        """Return the body (or ground) that contains a link, with its frame there; the ground for an empty name.
+
+        Raises:
+            LookupError: No link has that name, so that a loop or contact would silently be attached to the ground.
+        """
+        place = self._place(link) if link else (GROUND, np.eye(4))
+        if place is None:
+            raise LookupError(f"no link '{link}' in the reading")
+        return place
 
     def has_link(self, name: str) -> bool:
         """Return True if a link with that name exists."""
