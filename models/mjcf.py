@@ -303,7 +303,7 @@ def why_not(coupling: Coupling) -> str:
     """Return the reason why MJCF cannot express a coupling, or an empty string if MJCF can express it."""
     function = coupling.function
     if len(function.terms) > 1:
-        return "" if function.linear else "MuJoCo does not support powers in equalities of several joints"
+        return "" if function.linear else "MuJoCo does not support powers in an equality of several joints"
     return f"MuJoCo does not support powers above {POWERS - 1}" if len(function.polynomial) > POWERS else ""
 
 

@@ -37,7 +37,7 @@ class Shape:
             ``ellipsoids``, ``springs``, ``doubts``, and ``other`` for shapes of a second mechanism.
         kind: ``rod`` and ``box`` from `a` to `b`; ``slide``, a rod whose end `b` is in the frame of body `other`;
             ``ball``, ``cage``, ``foot`` at `a`; ``ring`` about `b` - `a`; ``arrow`` from `a` to `b`; ``ellipsoid`` at
-            `a` with the columns of `b` as half axes.
+            `a` with the columns of `b` as semi-axes.
         body, other: Index of the body; 0 for the ground.
         a, b: Shape (3,); for an ellipsoid, `b` has shape (3, 3).
         size: Radius, or half the thickness.
@@ -217,7 +217,7 @@ def _body(body: Body, i: int, its: list[tuple[Joint, Frame]], unit: float, colou
         yield Shape("frames", "arrow", i, np.zeros(3), 0.08 * axis, 0.004, tone, body.name)
     com = body.com / unit
     yield Shape("masses", "ball", i, com, com, 1.6 * LINK, MASS, body.name)
-    if body.mass > 0.0:  # half axes of the homogeneous ellipsoid with equal mass and moments
+    if body.mass > 0.0:  # semi-axes of the homogeneous ellipsoid with equal mass and moments
         moments, axes = np.linalg.eigh(body.inertia)
         half = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / body.mass, 0.0)) / unit
         yield Shape("ellipsoids", "ellipsoid", i, com, axes * np.maximum(half, 1e-3), 1.0, colour, body.name)

@@ -91,7 +91,7 @@ def test_settings_of_an_engine_share_its_colour_and_nothing_else() -> None:
 
 def test_the_headline_counts_engines_without_their_settings(found: Stress) -> None:
     text = headline(found)
-    assert "mujoco in 2 of 2 cases (worst in rising, from severity [m] = 1 on)" in text
+    assert "mujoco in 2 of 2 cases (worst in rising, starting at severity [m] = 1)" in text
     assert "(screw) never" in text
 
 

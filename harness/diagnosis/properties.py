@@ -229,7 +229,7 @@ PROPERTIES: dict[str, Property] = {
     "gravcomp": Property(
         owner="body",
         shape=(),
-        noun="compensated share of weight",
+        noun="gravity compensation factor",
         scales=True,
         default=0.0,
         mjcf="body@gravcomp",

@@ -39,7 +39,7 @@ class ExudynModel:
         """Solve a given motion or a simulation."""
         takes = (kit.GivenMotion, kit.InitialValue) if self.integrator else (kit.GivenMotion,)
         if not isinstance(problem.task, takes):
-            raise kit.ModelFileError("this engine only solves given motions", self.where, "choose another engine")
+            raise kit.ModelFileError("this engine supports only given motions", self.where, "choose another engine")
         kit.check_fits(problem, self.mechanism, self.where)
         with kit.temporary(exu.config, printToConsole=False):
             system, name = ExudynSystem(self.mechanism, problem.applied, self.integrator), ("exudyn", version("exudyn"))

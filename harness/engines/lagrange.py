@@ -46,7 +46,7 @@ class Lagrange:
         """
         kit.check_fits(problem, self.mechanism, self.where)
         if not isinstance(problem.task, kit.GivenMotion):
-            raise kit.ModelFileError("this engine only solves given motions", "lagrange", "choose another engine")
+            raise kit.ModelFileError("this engine supports only given motions", "lagrange", "choose another engine")
         clock = kit.Clock()
         with clock.stage("equations"):
             equations = Equations(self.mechanism, problem.applied, kit.Trace(MOST))

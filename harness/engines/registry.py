@@ -180,7 +180,7 @@ def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) ->
 
 
 def _treeless(name: str, meaning: str, why: str, package: str, **more: Any) -> Engine:
-    """Build the entry of an engine that only solves given motions and has no open tree; `why` is the reason."""
+    """Build the entry of an engine that supports only given motions and has no open tree; `why` is the reason."""
     lacks = dict.fromkeys(("tree_force", "tree_force_soft"), why)
     refuses = {"InitialValue": _GIVEN_ONLY, "States": why}
     return Engine(name, meaning, f"{_HERE}.{name}:load", _GIVEN, package, lacks=lacks, refuses=refuses, **more)

@@ -63,7 +63,7 @@ def physical_differences(scene: Scene, name: str, model: Path) -> list[Differenc
         name: Name of the engine that reads the user's file; no differences are found in formats that this package
             cannot read.
     """
-    # not needed for scenes without files of the user
+    # not needed for scenes without the user's own files
     from screwgauge.diagnosis.answer import differences_of
     from screwgauge.diagnosis.explanation import compare_readings
     from screwgauge.diagnosis.facts.fact import ALL, digits_of, mark_rounding

@@ -106,7 +106,7 @@ def reviews(
 
     Args:
         solutions: Solutions of engines and tables, in a common chart of joint angles.
-        tables: Solutions of tables, in the chart of the user.
+        tables: Solutions of tables, in the user's chart.
         errors: Rows of component pairs.
         faulted: Engines that fail the judge's checks; tables are not compared with them.
     """

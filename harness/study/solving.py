@@ -155,7 +155,7 @@ def ask_engines(
         The answer or failure of each table and engine, in the order of the names.
 
     Raises:
-        ScrewgaugeError: A table or model file of the user is invalid.
+        ScrewgaugeError: One of the user's tables or model files is invalid.
     """
     wanted, expected = frozenset(wanted), components or {}
     questions, answers = dict[str, EngineTask](), dict[str, Solution | Failure]()

@@ -33,15 +33,15 @@ Columns = dict[str, dict[str, Array]]
 
 
 def check_tables(scene: Scene) -> None:
-    """Reject tables that have the name of an engine or of the reference.
+    """Reject tables with the name of an engine or of the reference solution.
 
     Raises:
-        DescriptionError: A table has the name of an engine, or of the reference.
+        DescriptionError: A table has such a name.
     """
     for name in {*engine_names(), REFERENCE} & {*scene.tables}:
-        why = "an engine" if name != REFERENCE else "the reference of a simulation"
+        why = "an engine" if name != REFERENCE else "the reference solution of a simulation"
         raise DescriptionError(
-            f"the table '{name}' has the name of {why}", f"{scene.file or scene.name}, tables", "rename it"
+            f"the table '{name}' has the same name as {why}", f"{scene.file or scene.name}, tables", "rename it"
         )
 
 

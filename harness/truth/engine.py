@@ -88,7 +88,7 @@ class TruthModel:
     def _checked(self, problem: Problem) -> GivenMotion:
         motion, applied = problem.task, problem.applied
         if not isinstance(motion, GivenMotion):
-            raise DescriptionError("truth only solves given motions", str(self.file), "run without truth")
+            raise DescriptionError("truth supports only given motions", str(self.file), "run without truth")
         if applied.springs or applied.motors:
             raise DescriptionError("truth does not support springs and motors", "the scene", "run without truth")
         check_fits(problem, self.mechanism, str(self.file))

@@ -163,7 +163,7 @@ def _midpoints(M: arb_mat) -> arb_mat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Motion at one time, in balls.
+    """Motion at one instant, in balls.
 
     Attributes:
         q: Series ``[q, q', q''/2]`` of each joint coordinate.

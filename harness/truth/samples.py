@@ -99,7 +99,7 @@ class Sampler:
             return self.sample(y, start, float(motion.t[row]), motion.idle)
 
     def sample(self, y: Sequence[Jet], start: Sequence[float], t: float = 0.0, idle: Sequence[int] = ()) -> Balls:
-        """Compute all quantities at one time.
+        """Compute all quantities at one instant.
 
         Args:
             y: Series of the independent coordinates.

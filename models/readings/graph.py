@@ -110,7 +110,7 @@ def in_series(joints: Mapping[str, GraphJoint], rounding: float) -> tuple[dict[s
         found[[*same, name][0]] = replace(found[same[0]] if same else joint, freedoms=freedoms)
     several = [names for names in pairs.values() if len(names) > 1]
     return found, [
-        f"Joints {', '.join(names)} connect the same bodies; they are read as a series." for names in several
+        f"Joints {', '.join(names)} connect the same bodies; they are read as joints in series." for names in several
     ]
 
 

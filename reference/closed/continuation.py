@@ -154,7 +154,7 @@ class Continuation(Walk):
         return Poses(t, y, z, anchor, visit, self, ordered=True)
 
     def _pass(self, covering: Indices) -> tuple[Indices, Indices]:
-        """Visit the anchors of linked samples, shape (n,); return these anchors and the visit of each sample."""
+        """Visit the anchors of linked samples; return these anchors and the index of each visit. Shape (n,)."""
         changed = np.flatnonzero(np.diff(covering, prepend=self.at))
         visit = len(self.visits) - 1 + np.searchsorted(changed, np.arange(len(covering)), side="right")
         self.visits += covering[changed].tolist()

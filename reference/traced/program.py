@@ -20,7 +20,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import OPERATIONS, Node, Scalar
 
 Operand = int | float
-"""Number of a value (inputs come first, then instructions), or a constant."""
+"""Index of a value (inputs come first, then instructions), or a constant."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ class ToyModel:
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         if not isinstance(problem.task, GivenMotion):
-            raise DescriptionError("this engine only solves given motions", "toy", "choose another engine")
+            raise DescriptionError("this engine supports only given motions", "toy", "choose another engine")
         solution = self.right.solve(problem, progress)
         changed = dict(solution.values)
         for quantity, component in (("joint_acceleration", ACCELERATION), ("actuator_force", FORCE)):

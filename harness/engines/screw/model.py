@@ -45,8 +45,8 @@ class ScrewModel:
     """A loaded mechanism, its layout, and the settings of its solver.
 
     Attributes:
-        backend: Solver of given motions and simulations: ``array``, or a traced program run by ``numpy`` or ``llvm``.
-            In simulations ``numpy`` runs the program in Python. The default is ``llvm`` for simulations, ``numpy`` for
+        backend: Solver for given motions and simulations: ``array``, or a traced program run by ``numpy`` or ``llvm``.
+            In simulations, ``numpy`` runs the program in Python. The default is ``llvm`` for simulations, ``numpy`` for
             given motions of at least `LONG` samples, and ``array`` for shorter motions.
         precision: Number type of the program; float32 works only for given motions, and not with backend ``array``.
     """

@@ -62,7 +62,7 @@ class TreeModel:
         if isinstance(task, GivenMotion):
             return solve_motion(closed, problem, task, progress)
         if dynamics is None:
-            raise ModelFileError("this engine only solves given motions", self._where, "choose another engine")
+            raise ModelFileError("this engine supports only given motions", self._where, "choose another engine")
         if isinstance(task, InitialValue) or task.tau is not None:
             self._check_mass()
         if not isinstance(task, InitialValue):

@@ -63,7 +63,7 @@ def headline(stress: Stress) -> str:
     for (engine,), group in grouped(_silent_rows(stress), "who").items():
         cases = grouped(group, "case")
         (case,), some = max(cases.items(), key=lambda item: np.nanmax([row["error"] for row in item[1]] + [-1.0]))
-        where = f"worst in {case}, from {known[case].axis} = {_first(known[case], some)} on"
+        where = f"worst in {case}, starting at {known[case].axis} = {_first(known[case], some)}"
         parts.append(f"{engine} in {len(cases)} of {len(grouped(by_engine[engine,], 'case'))} cases ({where})")
     sentences = (
         [f"In extreme scenes these engines return wrong numbers without a warning: {'; '.join(parts)}."]

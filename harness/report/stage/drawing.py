@@ -199,7 +199,7 @@ def _spiral(a: Array) -> str:
 
 
 def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -> str:
-    """Draw the mark of a joint and its last axis: an arrow, or a sign in the mark along the line of sight."""
+    """Draw a joint's symbol and last axis: an arrow, or a dot or cross inside the symbol for a perpendicular axis."""
     turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.slides == 1 and np.hypot(*seen) > 0.05 else 0.0
     drive = "" if not joint.actuated else ROUND if joint.angles else ALONG
     turns = joint.angles == 1 and not joint.fixed

@@ -1,4 +1,4 @@
-"""Stress on closed loops: Pinocchio's proximal settings, redundant constraints, and MuJoCo's soft loops.
+"""Stress tests of closed loops: Pinocchio's proximal settings, redundant constraints, and MuJoCo's soft loops.
 
 Soft constraints limit how small the errors in loop gap, force and energy can get; refinement removes this limit, but a
 smaller time step does not.

@@ -1,4 +1,4 @@
-"""Stress with states that violate loop closure: answers to the unmodified states, and after closing the loops."""
+"""Stress tests with states that violate loop closure: answers before and after closing the loops."""
 
 from __future__ import annotations
 

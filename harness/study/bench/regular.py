@@ -1,4 +1,4 @@
-"""Stress without singularities: masses, size and inertia of bodies, speed, load, and a million samples.
+"""Stress tests without singularities: masses, size and inertia of bodies, speed, load, and a million samples.
 
 The last case shows the drift of schemes that integrate joint positions.
 """

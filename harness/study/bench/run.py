@@ -171,8 +171,8 @@ def check_given(scene: Scene) -> None:
     """Reject scenes for which a bench cannot measure methods.
 
     Raises:
-        DescriptionError: The scene has model files or tables of the user; or a given motion with springs, motors, or
-            loads that vary or turn with a body.
+        DescriptionError: The scene uses the user's own model files or tables, or has a given motion with springs,
+            motors, or loads that vary or turn with a body.
     """
     for entry, names in (("models", scene.models), ("tables", scene.tables)):
         if names:

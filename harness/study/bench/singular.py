@@ -1,4 +1,4 @@
-"""Stress at singularities: poses of the 3-UPS-UPU-S, wrist locks, and motions through singular poses between samples.
+"""Stress tests at singularities: poses of the 3-UPS-UPU-S, wrist locks, and motions through singular poses.
 
 Planar linkages have motions in closed form, and start in the home pose. Where assembly branches meet, samples of the
 independent coordinates do not determine the branch that follows: such a motion has no answer, whatever the samples.

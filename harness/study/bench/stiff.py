@@ -1,4 +1,4 @@
-"""Stress due to stiff springs and dampers across prismatic joints: accelerations, and a short motion with its energy.
+"""Stress tests with stiff springs and dampers across prismatic joints: accelerations, a short motion and its energy.
 
 The reference is Radau collocation of high order that evaluates all stages of a step at once. Ten stages have order
 nineteen and damp fast components, so that few steps suffice to reach rounding. The tested integrators share no code

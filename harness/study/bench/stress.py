@@ -1,4 +1,4 @@
-"""Stress: the cases of ``cases.toml``, series of problems of increasing severity, each severity run as a task.
+"""Stress tests: the cases of ``cases.toml``, series of problems of increasing severity, each severity run as a task.
 
 The module of a case is imported when the case is run.
 """
