@@ -72,7 +72,7 @@ def test_each_sample_is_answered_where_gains_are_small(copied):
     arcs = Arcs(
         [Known(1.0, lambda x: x), Known(2.0, lambda x: 4.0 - x), Known(3.0, lambda x: 0.0 * x + 1.5)], [2.0, 1.0, 0.0]
     )
-    run = (arcs.again() if copied else arcs).bind([x], [out, checks], np.array([1.0 / 1.8]))
+    run = (arcs.copy() if copied else arcs).bind([x], [out, checks], np.array([1.0 / 1.8]))
     assert not run()
     assert out[0].tolist() == [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]
     assert checks[0].tolist() == [0.0, 1.0, 2.0, 1.0, 0.0, -1.0]

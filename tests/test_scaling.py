@@ -70,7 +70,7 @@ def followed():
 @pytest.mark.slow
 def test_parts_go_on_from_each_other_and_leaps_are_walked(followed):
     scene, work = followed
-    work, motion = work.again(), scene.motion
+    work, motion = work.copy(), scene.motion
     expected = compiled.by_array(scene, motion)["joint_position"][0]
     for rows in (slice(0, 90), slice(90, 201), slice(20, 90)):
         some = motion.part(rows)
@@ -81,7 +81,7 @@ def test_parts_go_on_from_each_other_and_leaps_are_walked(followed):
 
 def test_poses_far_from_their_predictions_are_predicted_from_nearer(followed):
     scene, work = followed
-    work = work.again()
+    work = work.copy()
     guess = work.predict(scene.motion)
     before = len(work.work.mode.continuation.anchors)
     far = replace(guess, z=guess.z + 0.05 * np.eye(*guess.z.shape))

@@ -210,7 +210,7 @@ class Native:
 
         return run
 
-    def again(self) -> Native:
+    def copy(self) -> Native:
         """Return a runner that may run concurrently, which is this object itself."""
         return self
 

@@ -272,7 +272,7 @@ class Lanes:
 
         return run
 
-    def again(self) -> Lanes:
+    def copy(self) -> Lanes:
         """Copy the object so that copy and original may run concurrently."""
         return Lanes(self.program, self.chunk, self.dtype)
 
@@ -301,6 +301,6 @@ class Narrow:
 
         return run
 
-    def again(self) -> Narrow:
+    def copy(self) -> Narrow:
         """Copy the runner so that copy and original may run concurrently."""
-        return Narrow(self.inner.again())
+        return Narrow(self.inner.copy())

@@ -86,7 +86,7 @@ class Solver:
                 lay, scene = layout(self.scene.mechanism), self.scene
                 problem, (loaded, estimates) = scene.problem(self.quantities), mode
                 first = TracedWork(lay, problem, scene.motion, self.backend, loaded=loaded, estimates=estimates)
-                self.works[mode] = [first, *(first.again() for _ in range(self.threads - 1))]
+                self.works[mode] = [first, *(first.copy() for _ in range(self.threads - 1))]
             return self.works[mode]
 
     def as_c(self) -> str:

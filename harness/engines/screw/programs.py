@@ -187,7 +187,7 @@ class Runner(Protocol):
     ) -> Callable[[], bool]:
         """See `screwgauge.reference.traced.native.Native.bind`."""
 
-    def again(self) -> Runner:
+    def copy(self) -> Runner:
         """Return a runner that may run concurrently."""
 
 
@@ -288,9 +288,9 @@ class Arcs:
 
         return run
 
-    def again(self) -> Arcs:
+    def copy(self) -> Arcs:
         """Return a copy that may run concurrently."""
-        return Arcs([runner.again() for runner in self.runners], self.limits)
+        return Arcs([runner.copy() for runner in self.runners], self.limits)
 
 
 def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:

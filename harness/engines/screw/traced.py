@@ -124,13 +124,13 @@ class TracedWork:
         names = self.names()
         return {name: names[name][1] for name in self.wanted}
 
-    def again(self) -> TracedWork:
+    def copy(self) -> TracedWork:
         """Return a copy for a different thread, with separate buffers, poses and counts."""
         other = copy(self)
         other.work = Work(self.lay, self.problem)
         other.clock, other.by_array, other.bound = other.work.clock, Counter(), None
         if self.traced is not None:
-            other.runner = self.runner.again()
+            other.runner = self.runner.copy()
         return other
 
     def arrays(self, n: int) -> dict[str, Array]:
