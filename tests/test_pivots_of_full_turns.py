@@ -62,7 +62,7 @@ class Known:
 
         return run
 
-    def again(self):
+    def copy(self):
         return Known(self.value, self.gain)
 
 
