@@ -70,7 +70,7 @@ def tree_of(reading: Reading) -> ReadingTree:
         at[name] = _fixed(near, poses[near], body.pose)
 
     def end(body: str, T: Array) -> FixedFrame:
-        return at.get(body, FixedFrame()).placed(T[:3, :3], T[:3, 3])
+        return at.get(body, FixedFrame()).place(T[:3, :3], T[:3, 3])
 
     wide = [FREEDOMS[joint.kind] for joint in reading.joints.values()]
     return ReadingTree(

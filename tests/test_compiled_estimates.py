@@ -41,13 +41,13 @@ def test_random_mechanisms(family, seed):
 
 
 def test_estimates_that_are_too_small_are_found(monkeypatch):
-    right = Bounds.estimated
+    right = Bounds.estimate
 
     def wrong(*args):
         sums, errors = right(*args)
         return sums, [1e-6 * error for error in errors]
 
-    monkeypatch.setattr(Bounds, "estimated", wrong)
+    monkeypatch.setattr(Bounds, "estimate", wrong)
     monkeypatch.setattr(compiled, "estimate_errors", lambda part, units, length: np.zeros((len(part.trust.gain), 99)))
     assert compiled.measured("states", 0, ["numpy"], 60)[0]["ok"] is False
 

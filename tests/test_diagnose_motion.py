@@ -78,7 +78,7 @@ def test_bodies_of_another_cut_follow_their_partners(pair, name, turned):
             continue
         i, j = [*both.a.reading.bodies].index(body), [*both.b.reading.bodies].index(other)
         ours, theirs = one.part(slice(i, i + 1)), two.part(slice(j, j + 1))
-        ours = ours.shifted(ours.R @ T[:3, 3])
+        ours = ours.shift(ours.R @ T[:3, 3])
         off = [np.abs(getattr(ours, key) - getattr(theirs, key)).max() for key in "pwvba"]
         assert max(off) < 1e-9
 

@@ -133,7 +133,7 @@ def scaled(by: float):
     return components
 
 
-each, granted = comparing._components, Allowance.granted
+each, granted = comparing._components, Allowance.grant
 
 
 def loose(*arguments, **sizes):
@@ -146,7 +146,7 @@ def loose(*arguments, **sizes):
     ("room", "name", "instead", "said"),
     [
         (comparing, "_components", scaled(1e-3), "was found as"),
-        (Allowance, "granted", loose, "passes a tolerance of"),
+        (Allowance, "grant", loose, "passes a tolerance of"),
         (
             comparing,
             "_compare_with_tolerance",

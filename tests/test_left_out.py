@@ -84,7 +84,7 @@ def of_mujoco(path, answer, bare: bool) -> np.ndarray:
 def test_what_is_left_out_is_what_mujoco_adds(case, write):
     path = write("own.xml", chain(**TABLE["measured"][case]))
     solution, forces = moving(path)
-    added = [forces.generalized(wrenches) for kind, wrenches in forces.needed.items() if kind != "dry friction"]
+    added = [forces.generalized_forces(wrenches) for kind, wrenches in forces.needed.items() if kind != "dry friction"]
     rigid = solution.values["generalized_force"].array
     expected = of_mujoco(path, forces.answer, bare=True)
     assert np.abs(rigid + sum(added, np.zeros_like(rigid)) - expected).max() <= 1e-13 * np.abs(expected).max()

@@ -86,9 +86,9 @@ def follow(
 def _frame(tree: ReadingTree, body: str, T: Array) -> FixedFrame:
     """Attach a frame to a body at the pose T, shape (4, 4)."""
     if body == GROUND:
-        return FixedFrame().placed(T[:3, :3], T[:3, 3])
+        return FixedFrame().place(T[:3, :3], T[:3, 3])
     number = [*tree.reading.bodies].index(body)
-    return FixedFrame(*(each[number] for each in tree.bodies)).placed(T[:3, :3], T[:3, 3])
+    return FixedFrame(*(each[number] for each in tree.bodies)).place(T[:3, :3], T[:3, 3])
 
 
 def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, joints: Mapping[str, Partner]) -> TreeStates:

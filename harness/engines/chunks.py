@@ -99,18 +99,18 @@ class JointMotion:
             what = f"the simulation stopped before the first sample: {stopped}"
             raise ClosureError(what, engine, "change the initial state")
 
-        def filled(array: Array) -> Array:
+        def pad(array: Array) -> Array:
             out = np.full((n, *array.shape[1:]), np.nan)
             out[:m] = array[extra:]
             return out
 
         units = joint_units(joints)
         values = {
-            name: Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
+            name: Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), pad(array))
             for name, array, per in zip(OF_JOINTS, (self.q, self.v, self.a), RATE.values(), strict=True)
         }
         if reactions is not None:
-            values["reaction"] = replace(reactions, array=filled(reactions.array))
+            values["reaction"] = replace(reactions, array=pad(reactions.array))
         seconds = {"integration": cost.wall_s, "integration, processor time": cost.cpu_s}
         covers = "one integration from start to end, excluding loading and output"
         return Solution(
@@ -118,12 +118,12 @@ class JointMotion:
             version=version,
             setting=setting,
             values=values,
-            condition=filled(self.condition),
+            condition=pad(self.condition),
             timings=tuple(
                 Timing(engine, setting, stage, m, s, s, covers) for stage, s in seconds.items() if np.isfinite(s)
             ),
             rows=None if m == n else np.arange(m),
-            work=filled(work),
+            work=pad(work),
             stopped=stopped,
             cost=cost,
         )

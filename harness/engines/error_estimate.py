@@ -88,13 +88,13 @@ class Trust:
     def with_rows(self, rows: Rows, other: Trust) -> Trust:
         """Return a copy that takes the data of some samples from a different solution."""
 
-        def merged(mine: Array | float, others: Array | float) -> Array:
+        def merge(mine: Array | float, others: Array | float) -> Array:
             both = mine + np.zeros(len(self.condition))
             both[rows] = others
             return both
 
         numbers = {
-            one.name: merged(getattr(self, one.name), getattr(other, one.name))
+            one.name: merge(getattr(self, one.name), getattr(other, one.name))
             for one in fields(self)
             if one.name not in ("forces", "rushes")
         }
@@ -103,8 +103,8 @@ class Trust:
         )
         return Trust(
             **numbers,
-            forces={name: merged(self.forces.get(name, 1.0), other.forces.get(name, 1.0)) for name in forces},
-            rushes={name: merged(self.rush_of(name), other.rush_of(name)) for name in rushes},
+            forces={name: merge(self.forces.get(name, 1.0), other.forces.get(name, 1.0)) for name in forces},
+            rushes={name: merge(self.rush_of(name), other.rush_of(name)) for name in rushes},
         )
 
     def rush_of(self, quantity: str) -> Array | float:
@@ -165,7 +165,7 @@ def examine_part(
     trust: Trust,
     A: Array,
     k: int,
-    again: Callable[[Rows, Array], dict[str, Array]],
+    solve_perturbed: Callable[[Rows, Array], dict[str, Array]],
     clock: Clock,
     units: Units,
     length: float,
@@ -175,7 +175,7 @@ def examine_part(
     Args:
         A, k: As for `perturbations`.
         units, length: As for `vanishing_samples`.
-        again: Solves samples with perturbed unknowns: rows, (n_row, n_unknown) -> quantity -> (n_row, m).
+        solve_perturbed: Solves samples with perturbed unknowns: rows, (n_row, n_unknown) -> quantity -> (n_row, m).
         clock: Attributes all time spent here to the stage "error estimate".
     """
     with clock.stage("error estimate"):
@@ -184,7 +184,7 @@ def examine_part(
         moved = {name: np.zeros((len(doubtful), array.shape[1])) for name, array in values.items()}
         with np.errstate(all="ignore"):  # near a singular pose results may be arbitrary, and are then rejected
             for shake in perturbations(A[doubtful], k) if doubtful.size else ():
-                for name, array in again(doubtful, shake).items():
+                for name, array in solve_perturbed(doubtful, shake).items():
                     away = np.abs(array - values[name][doubtful])
                     moved[name] = np.fmax(moved[name], np.where(np.isfinite(away), away, np.inf))
         clock.spent = spent

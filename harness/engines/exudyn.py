@@ -106,14 +106,14 @@ class ExudynSystem(kit.Stepped):
         markers = [self._mark(body, at.p, at.R @ frame) for body, at in joint.sides]
         return int(self.mbs.AddObject(ObjectJointGeneric("", markers, locked))), locked
 
-    def _put(self, x: Array, xd: Array | float = 0.0) -> None:
+    def _set_state(self, x: Array, xd: Array | float = 0.0) -> None:
         """Set the state."""
         self.mbs.systemData.SetODE2Coordinates(x - self.home)
         self.mbs.systemData.SetODE2Coordinates_t(xd + 0.0 * x)
 
     def _constraints(self, x: Array) -> tuple[Array, Array]:
         """Return the gaps and their derivative. Shape (n_x,) -> (m,), (m, n_x)."""
-        self._put(x)
+        self._set_state(x)
         self.solver.ComputeAlgebraicEquations(self.mbs)
         gaps, n = np.array(self.solver.GetSystemResidual())[len(x) :], len(x)
         self.solver.SetSystemJacobian(np.zeros((n + len(gaps),) * 2))  # the function adds to the array
@@ -144,7 +144,7 @@ class ExudynSystem(kit.Stepped):
         for i, state in enumerate(zip(x, xd, strict=True)):
             for number, vector in zip(self.loads, vectors, strict=True):
                 self.mbs.SetLoadParameter(number, "loadVector", [*vector[i]])
-            self._put(*state)
+            self._set_state(*state)
             self.solver.ComputeMassMatrix(self.mbs)
             self.solver.ComputeODE2RHS(self.mbs)
             M[i], acting[i] = self.solver.GetSystemMassMatrix(), self.solver.GetSystemResidual()[: x.shape[1]]

@@ -50,7 +50,7 @@ class Lagrange:
         clock = kit.Clock()
         with clock.stage("equations"):
             equations = Equations(self.mechanism, problem.applied, kit.Trace(MOST))
-            branch = kit.Branch(self.mechanism, equations.closed, equations.angular, problem.points)
+            branch = kit.Branch(self.mechanism, equations.evaluate_gaps, equations.angular, problem.points)
 
         def solve(q: kit.Array, motion: kit.GivenMotion, applied: kit.Applied) -> tuple[Answers, Answers]:
             at, values = SolvedMotion(equations, branch, (q, motion, applied), problem.rule), Answers()
@@ -61,7 +61,7 @@ class Lagrange:
             return values, at.conditions
 
         def solve_part(motion: kit.GivenMotion, applied: kit.Applied) -> kit.SolvedPart:
-            return branch.answered(motion, applied, solve, clock)
+            return branch.solve_part(motion, applied, solve, clock)
 
         labels = "lagrange", version("screwgauge"), f"rule {problem.rule}"
         return kit.answer(labels, self.mechanism, problem, solve_part, progress, clock)
@@ -184,7 +184,7 @@ class SolvedMotion:
             self.conditions = kit.worst_of(self.conditions, found)
         return times(np.asarray(np.linalg.pinv(A, rcond=1e-13), dtype=float), b)
 
-    def driven(self, f: kit.Array) -> kit.Array:
+    def extend(self, f: kit.Array) -> kit.Array:
         """Extend actuator forces to all coordinates, with zeros elsewhere. Shape (..., n_act) -> (n, n_q)."""
         out = np.zeros_like(self.q)
         out[:, self.mechanism.actuated_columns] = f
@@ -192,7 +192,7 @@ class SolvedMotion:
 
     def multipliers(self, needs: kit.Array, f: kit.Array) -> kit.Array:
         """Return minimum-norm multipliers of the gaps, which supply the remaining forces. Shape (n, m)."""
-        return times(self.back.swapaxes(1, 2), needs - self.driven(f))
+        return times(self.back.swapaxes(1, 2), needs - self.extend(f))
 
     def wrenches(self, needs: kit.Array, f: kit.Array, **state: kit.Array) -> kit.Array:
         """Return each joint's force on its child, and its moment about the child-side point. (n, n_joint, 6)."""
@@ -243,7 +243,7 @@ QUANTITIES: Mapping[str, Callable[[SolvedMotion], kit.Array]] = {
     "generalized_force": lambda at: at.generalized_force,
     "actuator_force": lambda at: at.actuator_force,
     "reaction": lambda at: at.reaction,
-    "axis_moment": lambda at: at.along + at.driven(at.actuator_force),
+    "axis_moment": lambda at: at.along + at.extend(at.actuator_force),
     "resistance": lambda at: at.resistance,
     "mass_matrix": lambda at: at.inertia[(..., *np.triu_indices(at.K.shape[2]))],
     "jacobian": lambda at: at.jacobian,

@@ -257,7 +257,7 @@ def engine_names() -> tuple[str, ...]:
 
 def engines() -> dict[str, Engine]:
     """Return all engines by name."""
-    return {name: _named(name) for name in engine_names()}
+    return {name: _find(name) for name in engine_names()}
 
 
 def get_engine(name: str, where: str = "") -> Engine:
@@ -269,10 +269,10 @@ def get_engine(name: str, where: str = "") -> Engine:
         UnknownNameError: No engine has that name.
         DescriptionError: The engine does not compute in that number type.
     """
-    return _named(name.partition(AS)[0]).in_precision(name, where)
+    return _find(name.partition(AS)[0]).in_precision(name, where)
 
 
-def _named(name: str) -> Engine:
+def _find(name: str) -> Engine:
     if name in ENGINES:
         return ENGINES[name]
     if name not in further_entries():

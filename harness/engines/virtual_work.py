@@ -87,7 +87,7 @@ class Equations:
         """Function: q, v -> gaps and their rates. Shape (n, m)."""
         return self._function(gaps=self.gaps, rates=self.rate(self.gaps))
 
-    def closed(self, q: kit.Array) -> tuple[kit.Array, kit.Array]:
+    def evaluate_gaps(self, q: kit.Array) -> tuple[kit.Array, kit.Array]:
         """Return gaps, (n, m), and their derivatives, (n, m, n_q), as gap rates at unit coordinate rates."""
         n, m = q.shape
         found = self.closing(n * m, q=q.repeat(m, axis=0), v=np.tile(np.eye(m), (n, 1)))

@@ -100,7 +100,7 @@ class Allowance:
     integration: Mapping[str, Integrated] = field(default_factory=dict)
     summands: Callable[[], Mapping[str, float]] = dict
 
-    def granted(
+    def grant(
         self,
         quantity: str,
         unit: str,

@@ -62,14 +62,14 @@ def compare(
             differ = "the components differ" if names != others and quantity.startswith("tree_force") else ""
             lost = apart.get(frozenset((a.engine, b.engine)), differ)
             if lost or not common_rows(len(t), a, b).size:
-                row = nothing(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
+                row = empty_row(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
                 pairs.append(replace(row, component=min({*names} ^ {*others}, default="")))
                 continue
             # the first engine of the run that has these components provides one scale for all pairs
             reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*names} & {*others})
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
-                granted = allowance.granted(quantity, unit, (a, b), scale, scales=scales, n=len(t))
+                granted = allowance.grant(quantity, unit, (a, b), scale, scales=scales, n=len(t))
                 rows = [_compare_with_tolerance(row, rules) for row in _components(quantity, unit, a, b, t, granted)]
                 errors += rows
                 if compared := [row for row in rows if row.ok is not None]:
@@ -78,7 +78,7 @@ def compare(
     for solution in solutions.values():
         for failure in failures.values():
             for name in solution.values:
-                pairs.append(nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
+                pairs.append(empty_row(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
     # no verdict without a unique value
     return frame(errors, ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float}), frame(pairs, PAIR_COLUMNS)
 
@@ -211,6 +211,6 @@ def _explain(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Re
     return row if np.isfinite(row.error) else replace(row, reason=f"not a number at t = {row.t:g} s")
 
 
-def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> SizedResidual:
+def empty_row(quantity: str, a: str, b: str, reason: str, tolerance: float) -> SizedResidual:
     """Build the row of a pair that has no values, stating the reason."""
     return SizedResidual(quantity, a=a, b=b, reason=reason, tolerance=tolerance)

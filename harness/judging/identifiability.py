@@ -67,9 +67,9 @@ class CoveredMotion:
         """Change in the accelerations of joints and bodies due to each term of the Lie bracket."""
         products = velocity_products(self.motion)
         products["bracket"] = np.sum([*products.values()], axis=0)
-        return {term: self._lost(products[term]) for term in BRACKET}
+        return {term: self._loss(products[term]) for term in BRACKET}
 
-    def _lost(self, products: Array) -> tuple[Array, Array, Array]:
+    def _loss(self, products: Array) -> tuple[Array, Array, Array]:
         """Return the accelerations due to some of the `velocity_products`, of shape (n, n_freedom, 6)."""
         tree, motion, m = self.motion.tree, self.motion, len(self.motion.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]

@@ -100,14 +100,14 @@ class MeasuredPart:
         """Actuator velocities per unit velocity of each coordinate in y. Shape (n, n_actuator, k)."""
         return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
 
-    def generalized(self, wrenches: Array) -> Array:
+    def generalized_forces(self, wrenches: Array) -> Array:
         """Return the generalised forces that supply the required wrenches. Shape (n, k)."""
         return np.asarray(np.einsum("nbx,nbxj->nj", wrenches, self.admissible.bodies))
 
     def actuators(self, wrenches: Array) -> Array:
         """Return the minimum-norm actuator forces that supply the required wrenches. Shape (n, n_actuator)."""
         back = np.linalg.pinv(np.swapaxes(self.driven, 1, 2))
-        return np.asarray((back @ self.generalized(wrenches)[..., None])[..., 0])
+        return np.asarray((back @ self.generalized_forces(wrenches)[..., None])[..., 0])
 
     def _reactions(self, wrenches: Array, names: Sequence[str]) -> Array:
         """Return joint reactions that, with the actuator forces, supply the required wrenches. Shape (n, m)."""
@@ -132,12 +132,12 @@ class MeasuredPart:
         motion = move(tree, TreeStates(self.answer.q, still, still))
         return project_forces(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
 
-    def added(self, kind: str, quantity: str, names: Sequence[str]) -> Array:
+    def effect(self, kind: str, quantity: str, names: Sequence[str]) -> Array:
         """Return a kind's effect on components of a quantity; zero unless the components are forces. Shape (n, m)."""
         mechanism, wrenches = self.answer.mechanism, self.needed[kind]
         match quantity:
             case "generalized_force":
-                return self.generalized(wrenches)[:, [[*mechanism.independent].index(name) for name in names]]
+                return self.generalized_forces(wrenches)[:, [[*mechanism.independent].index(name) for name in names]]
             case "actuator_force":
                 return self.actuators(wrenches)[:, [mechanism.actuator_names.index(name) for name in names]]
             case "reaction":
@@ -165,7 +165,7 @@ def measured_parts(moments: Moments, left_out: Sequence[LeftOut], springs: Seque
     for answer, admissible in moments():
         needed, names = Needed(), dict[str, list[str]]()
         for one in left_out:
-            for kind, wrenches in _needed(answer, one, along_joints):
+            for kind, wrenches in _wrenches_by_kind(answer, one, along_joints):
                 needed[kind] = needed[kind] + wrenches if kind in needed else wrenches
                 names.setdefault(kind, []).append(one.of)
         yield MeasuredPart(answer, admissible, needed, names)
@@ -181,9 +181,9 @@ def left_out_terms(parts: MeasuredParts, file: str = "") -> Iterator[LeftOutTerm
         drives = drives and bool(freedoms) and int(np.linalg.matrix_rank(part.driven).min()) == freedoms
         times.append(part.answer.t)
         for kind, wrenches in part.needed.items():
-            forces.setdefault(kind, []).append((part.actuators(wrenches), part.generalized(wrenches)))
+            forces.setdefault(kind, []).append((part.actuators(wrenches), part.generalized_forces(wrenches)))
         rigid = required_wrenches(part.answer)[0] + sum(part.needed.values())
-        whole.append((part.actuators(rigid), part.generalized(rigid)))
+        whole.append((part.actuators(rigid), part.generalized_forces(rigid)))
     if not forces:
         return
     names, units = mechanism.actuator_names, mechanism.actuator_units
@@ -206,11 +206,11 @@ def added_forces(parts: MeasuredParts, quantity: str, names: Sequence[str]) -> d
     by_kind: dict[str, list[Array]] = {}
     for part in parts:
         for kind in part.needed:
-            by_kind.setdefault(kind, []).append(part.added(kind, quantity, names))
+            by_kind.setdefault(kind, []).append(part.effect(kind, quantity, names))
     return {kind: np.concatenate(arrays) for kind, arrays in by_kind.items()}
 
 
-def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
+def _wrenches_by_kind(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
     """Yield each kind of force in an entry, with the required wrenches on bodies."""
     match one:
         case StrokeResistance() if one.path:
@@ -253,7 +253,7 @@ def _along_stroke(answer: Answer, one: StrokeResistance, springs: Iterable[Joint
     """Map kinds to forces along the stroke, minus the forces of the scene's springs at the joint. Shape (n,)."""
     columns, shares = answer.mechanism.columns(one.along), np.array([*one.along.values()])
     stroke, rate, acceleration = (derivative[:, columns] @ shares for derivative in answer.joints)
-    forces = _resisting(one, stroke, rate, acceleration)
+    forces = _resisting_forces(one, stroke, rate, acceleration)
     there = {ARMATURE: one.armature, DAMPING: one.damping, FRICTION: one.friction, SPRINGS: one.stiffness}
     for spring in springs:
         forces[DAMPING] = forces[DAMPING] - spring.damping * rate
@@ -264,7 +264,7 @@ def _along_stroke(answer: Answer, one: StrokeResistance, springs: Iterable[Joint
     return {kind: force for kind, force in forces.items() if there[kind]}
 
 
-def _resisting(one: StrokeResistance, stroke: Array, rate: Array, acceleration: Array) -> Needed:
+def _resisting_forces(one: StrokeResistance, stroke: Array, rate: Array, acceleration: Array) -> Needed:
     """Map kinds to forces along the stroke. Shape (n,)."""
     return {
         ARMATURE: one.armature * acceleration,
@@ -276,7 +276,7 @@ def _resisting(one: StrokeResistance, stroke: Array, rate: Array, acceleration: 
 
 def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Array]]:
     """Yield each kind of force along a path, with the required wrenches at the ends and bends of the path."""
-    frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
+    frames = [answer.tree.body_frames[body].place(np.eye(3), point) for body, point in one.path]
     at = answer.motion.links.frames(stack_frames(frames))
     way, apart, gained = (np.diff(getattr(at, name), axis=1) for name in "pva")
     length = np.linalg.norm(way, axis=2)
@@ -284,7 +284,7 @@ def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Ar
     rate, across = np.sum(line * apart, axis=2), cross(line, apart)
     turning = np.sum(across * across, axis=2) / np.maximum(length, np.finfo(float).tiny)
     acceleration = np.sum(line * gained, axis=2) + turning
-    forces = _resisting(one, *(each.sum(axis=1) for each in (length, rate, acceleration)))
+    forces = _resisting_forces(one, *(each.sum(axis=1) for each in (length, rate, acceleration)))
     there = {ARMATURE: one.armature, DAMPING: one.damping, FRICTION: one.friction, SPRINGS: one.stiffness}
     for kind, force in forces.items():
         if there[kind]:
@@ -320,7 +320,7 @@ def _law(kind: str, one: TurnResistance, rate: Array, acceleration: Array) -> Ar
 
 
 def _fixed_to(answer: Answer, body: str, p: Array, R: Array) -> Moving:
-    return _at(answer, answer.tree.body_frames[body].placed(R, p))
+    return _at(answer, answer.tree.body_frames[body].place(R, p))
 
 
 def _at(answer: Answer, frame: FixedFrame) -> Moving:

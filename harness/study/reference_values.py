@@ -216,7 +216,7 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
     motion, columns = move(tree, TreeStates(q, still, still)), mechanism.columns(coordinates)
     for load in applied.loads:
         point = mechanism.body(load.body).com if load.point is None else load.point
-        at = stack_frames([tree.body_frames[load.body].placed(np.eye(3), point)])
+        at = stack_frames([tree.body_frames[load.body].place(np.eye(3), point)])
         J = motion.jacobian(at, motion.links.frames(at).p)[:, 0][..., columns]
         out += load.torque @ J[:, :3] + load.force @ J[:, 3:]
     return out

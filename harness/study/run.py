@@ -19,7 +19,7 @@ import pandas as pd
 from screwgauge.engines.registry import ENGINES, check_engines, engine_names
 from screwgauge.judging.allowance import Allowance, Integrated
 from screwgauge.judging.assembly_modes import assembly_of, in_one_chart
-from screwgauge.judging.compare import compare, nothing
+from screwgauge.judging.compare import compare, empty_row
 from screwgauge.judging.coverage import coverage
 from screwgauge.judging.judge import judge, summands
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
@@ -375,7 +375,7 @@ def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, So
         others = [other for other, one in solutions.items() if other != name and quantity in one.values]
         for other in others or [""]:
             a, b = (other, name) if other not in ("", REFERENCE) else (name, other)
-            yield nothing(quantity, a, b, reason, scene.tolerance(quantity))
+            yield empty_row(quantity, a, b, reason, scene.tolerance(quantity))
 
 
 def _reviews(

@@ -119,7 +119,7 @@ def write(key: str, version: str, arrays: Arrays) -> str:
         folder().mkdir(mode=0o700, parents=True, exist_ok=True)
         with _open() as place:
             head = b" ".join([_MAGIC, writer, _code(_secret(place), key, writer, payload)])
-            _put(place, key, head + b"\n" + payload)
+            _write(place, key, head + b"\n" + payload)
     except OSError as error:
         return f"the cache cannot be written ({_reason(error)})"
     return ""
@@ -196,14 +196,14 @@ def _secret(place: int) -> bytes:
             secret = b""
         if secret is not None and len(secret) == LENGTH:
             return secret
-        _put(place, SECRET, secrets.token_bytes(LENGTH), replace=replace or secret is not None)
+        _write(place, SECRET, secrets.token_bytes(LENGTH), replace=replace or secret is not None)
     secret = _content(place, SECRET)
     if secret is None or len(secret) != LENGTH:
         raise _UnsafeError("the secret cannot be created")
     return secret
 
 
-def _put(place: int, name: str, data: bytes, *, replace: bool = True) -> None:
+def _write(place: int, name: str, data: bytes, *, replace: bool = True) -> None:
     """Write a file atomically; unless `replace` is set, keep an existing file."""
     fresh = f".new-{secrets.token_hex(8)}"
     file = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=place)

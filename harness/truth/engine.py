@@ -67,7 +67,7 @@ class TruthModel:
             NotCertified: No sample could be certified.
             RoutesDisagree: Two enclosures of the same force are disjoint.
         """
-        motion = self._checked(problem)
+        motion = self._check(problem)
         n = len(motion)
         rows = spread(n, MOST)
         depth = stages(_certifiable(problem))
@@ -85,7 +85,7 @@ class TruthModel:
         assembly[rows] = table.mid["joint_position"]
         return replace(solution, assembly=assembly)
 
-    def _checked(self, problem: Problem) -> GivenMotion:
+    def _check(self, problem: Problem) -> GivenMotion:
         motion, applied = problem.task, problem.applied
         if not isinstance(motion, GivenMotion):
             raise DescriptionError("truth supports only given motions", str(self.file), "run without truth")

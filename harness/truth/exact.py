@@ -83,10 +83,10 @@ def widen_decimals(value: Any) -> Any:
     if any(isinstance(entry, (list, Mapping)) for entry in value):
         return [widen_decimals(entry) for entry in value]
     rounding = max((abs(number(entry)).upper() for entry in value), key=float) * ROUNDED if value else arb(0)
-    return [_widened(entry, rounding) for entry in value]
+    return [_widen(entry, rounding) for entry in value]
 
 
-def _widened(value: Any, rounding: arb) -> Any:
+def _widen(value: Any, rounding: arb) -> Any:
     try:
         _, digits, exponent = Decimal(str(value)).as_tuple()
     except InvalidOperation:  # an expression

@@ -128,7 +128,7 @@ class InverseDynamics:
 def dynamics(tree: SpanningTree, states: TreeStates) -> InverseDynamics:
     """Compute all terms of `InverseDynamics`."""
     motion = move(tree, states)
-    bodies, needed = motion.bodies, _needed(motion)
+    bodies, needed = motion.bodies, _terms(motion)
     weights = np.zeros_like(needed.inertial)
     weights[..., :3] = needed.gravity
     M = mass_matrix(motion) + np.diag(_entry(tree, "armature"))
@@ -149,10 +149,10 @@ def dynamics(tree: SpanningTree, states: TreeStates) -> InverseDynamics:
 def inverse_dynamics(tree: SpanningTree, states: TreeStates) -> Array:
     """Compute `InverseDynamics.tau` only. Shape (n, n_freedom)."""
     motion = move(tree, states)
-    return project_forces(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
+    return project_forces(motion, _terms(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
 
 
-def _needed(motion: TreeMotion[SpanningTree]) -> NewtonEulerTerms:
+def _terms(motion: TreeMotion[SpanningTree]) -> NewtonEulerTerms:
     tree, com = motion.tree, motion.com
     return newton_euler(tree, com.R, com.w, com.b, com.a, np.reshape(tree.weight, (-1, 1)) * tree.gravity)
 

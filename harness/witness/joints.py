@@ -79,7 +79,7 @@ class MechanismTree(SpanningTree):
 
     def on(self, body: str, frame: Frame) -> FixedFrame:
         """Convert a frame given in a body to a frame fixed to a link."""
-        return self.body_frames[body].placed(frame.R, frame.p)
+        return self.body_frames[body].place(frame.R, frame.p)
 
 
 def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> MechanismTree:
@@ -154,8 +154,8 @@ def _append_links(
     """
     (_, start), (_, end) = joint.sides[::-1] if reverse else joint.sides
     steps = [*zip(freedoms(joint), mechanism.columns(joint.coordinates), strict=True)]
-    at = near.placed(start.R, start.p)
+    at = near.place(start.R, start.p)
     for (kind, axis), column in reversed(steps) if reverse else steps:
         links.append(TreeLink(kind, at, axis, column, column, sign=-1.0 if reverse else 1.0))
         at = FixedFrame(len(links))
-    return at.placed(end.R.T, -end.R.T @ end.p)
+    return at.place(end.R.T, -end.R.T @ end.p)

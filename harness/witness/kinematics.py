@@ -39,7 +39,7 @@ class Moving:
     b: Array
     a: Array
 
-    def shifted(self, r: Array) -> Moving:
+    def shift(self, r: Array) -> Moving:
         """Return the motion of the same bodies at points displaced by `r` (world axes, shape (n, m, 3))."""
         v = cross(self.w, r)
         return Moving(self.R, self.p + r, self.w, self.v + v, self.b, self.a + cross(self.b, r) + cross(self.w, v))
@@ -56,7 +56,7 @@ class Moving:
     def frames(self, at: FixedFrame) -> Moving:
         """Return the motion of fixed frames."""
         some = Moving(*(pick_links(getattr(self, name), at.link) for name in "Rpwvba"))
-        there = some.shifted(times(some.R, at.p))
+        there = some.shift(times(some.R, at.p))
         return replace(there, R=turn_frames(there.R, at.R))
 
     @property

@@ -34,7 +34,7 @@ class FixedFrame(NamedTuple):
     R: Array = np.eye(3)
     p: Array = np.zeros(3)
 
-    def placed(self, R: Array, p: Array) -> FixedFrame:
+    def place(self, R: Array, p: Array) -> FixedFrame:
         """Return a frame on the same link, given its pose relative to this frame."""
         return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
 

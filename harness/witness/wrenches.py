@@ -315,7 +315,7 @@ def _pull(
 def _line(spring: PointSpring, motion: TreeMotion[MechanismTree]) -> tuple[Array, Array]:
     """Return the vector from a spring's first point to its second, and its rate. Shape (n, 3) each."""
     frames = motion.tree.body_frames
-    ends = motion.links.frames(stack_frames([frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
+    ends = motion.links.frames(stack_frames([frames[body].place(np.eye(3), at) for body, at in spring.ends]))
     return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]
 
 

@@ -47,7 +47,7 @@ def forces_at_joints(
         yield motor.coordinate, force, np.asarray(force * read(motor.coordinate)[1])
     for one in resist:
         moved = np.asarray(read(one.coordinate)[1])
-        resisted = taken(one, moved)
+        resisted = resistance_force(one, moved)
         yield one.coordinate, -resisted, -resisted * moved
     for spring in applied.springs:
         if isinstance(spring, JointSpring):
@@ -79,7 +79,7 @@ def wrenches_on_bodies(
             yield from _pull(spring, t, [(index[name], *body(index[name]), point) for name, point in spring.ends])
 
 
-def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
+def resistance_force(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
     """Return the force needed to overcome a rotor, damper or dry friction along its coordinate [N or N m]. (...)."""
     if one.what == "friction":
         return one.amount * np.sign(rate) * (np.abs(rate) > REST)
@@ -152,7 +152,7 @@ def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
     Returns:
         Shape (n, n_resistance).
     """
-    each = [taken(one, qd[:, one.column], qdd[:, one.column]) for one in resistances(joints)]
+    each = [resistance_force(one, qd[:, one.column], qdd[:, one.column]) for one in resistances(joints)]
     return np.stack(each, axis=1) if each else np.zeros((len(qd), 0))
 
 

@@ -89,7 +89,7 @@ class Branch:
             inverse, condition = inverted(A)
         return inverse * self._sizes[:, None] / self._units, condition, missed
 
-    def answered(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> SolvedPart:
+    def solve_part(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> SolvedPart:
         """Solve the next samples, with error estimates.
 
         Estimates follow from the condition numbers of the solved systems. Ill-conditioned samples are solved again at
@@ -105,11 +105,11 @@ class Branch:
         _, condition = inverted(A)
         trust = Trust(condition, condition / norms(A), np.ones(len(q)), conditions)
 
-        def again(rows: Rows, shake: Array) -> dict[str, Array]:
+        def solve_perturbed(rows: Rows, shake: Array) -> dict[str, Array]:
             return solve(q[rows] + shake * self._sizes, motion.part(rows), at_samples(applied, rows))[0]
 
         k = motion.y.shape[1]
-        part = examine_part(values, trust, A, k, again, clock, self._component_units, self._length)
+        part = examine_part(values, trust, A, k, solve_perturbed, clock, self._component_units, self._length)
         return replace(part, q=q)
 
     def _matrix(self, q: Array, y: Array) -> tuple[Array, Array]:

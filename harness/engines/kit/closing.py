@@ -116,14 +116,14 @@ class ClosedMotion:
     @cached_property
     def V(self) -> Array:
         """Twists of the bodies. Shape (n, n_body + 1, 6)."""
-        return self._moved(self.xd)
+        return self._body_rates(self.xd)
 
     @cached_property
     def qd(self) -> Array:
         """Rates of the joint coordinates. Shape (n, n_q)."""
         return self.joints.rates(self.V)
 
-    def _moved(self, rates: Array) -> Array:
+    def _body_rates(self, rates: Array) -> Array:
         return np.asarray((self.at.T @ rates[:, None, :, None])[..., 0])
 
     def accelerations(self, bias: Array, rest: Array, ydd: Array | None = None) -> tuple[Array, Array]:
@@ -144,7 +144,7 @@ class ClosedMotion:
         given = self.task.ydd if ydd is None else ydd
         right = np.concatenate([-bias, -tied[:, s], -coupled, given], axis=1)
         xdd = (self.inverse[:, : self.x.shape[1]] @ right[..., None])[..., 0]
-        return xdd, rest + self._moved(xdd)
+        return xdd, rest + self._body_rates(xdd)
 
     def generalized_forces(self, need: Array) -> Array:
         """Return the forces along y that are equivalent to given forces along x. Shape (n, n_x) -> (n, k)."""

@@ -108,12 +108,12 @@ class _PartSolver:
             closed = self.closing.follow(motion)
         values, trust = self._evaluate(closed, applied)
 
-        def again(some: Rows, shake: Array) -> dict[str, Array]:
+        def solve_perturbed(some: Rows, shake: Array) -> dict[str, Array]:
             return self._evaluate(self.closing.perturb(closed, some, shake), at_samples(applied, some))[0]
 
         table, k = described(mechanism, self.problem.points), motion.y.shape[1]
         units = {name: units for name, (_, units) in table.items()}
-        part = examine_part(values, trust, closed.system, k, again, self.clock, units, length(mechanism))
+        part = examine_part(values, trust, closed.system, k, solve_perturbed, self.clock, units, length(mechanism))
         return replace(part, q=closed.q)
 
     def _evaluate(self, closed: ClosedMotion, applied: Applied) -> tuple[dict[str, Array], Trust]:

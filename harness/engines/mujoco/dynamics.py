@@ -243,7 +243,7 @@ def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -
     return True
 
 
-def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
+def _force_names(model: mujoco.MjModel) -> tuple[str, ...]:
     """Return the names of the constraint forces in world axes; empty unless all constraints connect points."""
     if (model.eq_type != mujoco.mjtEq.mjEQ_CONNECT).any():
         return ()
@@ -269,7 +269,7 @@ class MujocoStepper:
         self.order = 4 if settings.integrator == "RK4" else 1
         self.data = mujoco.MjData(self.model)
         self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
-        self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _closing(self.model)
+        self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _force_names(self.model)
         self.notes: tuple[str, ...] = (
             ("forces that vary with time or pose are held constant over each step",) if held.acts else ()
         )

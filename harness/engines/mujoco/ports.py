@@ -42,7 +42,7 @@ def mjx(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Calla
     import jax
     from mujoco import mjx
 
-    def inside(function: Callable[..., Any], axes: tuple[int | None, ...]) -> Callable[..., Any]:
+    def batch(function: Callable[..., Any], axes: tuple[int | None, ...]) -> Callable[..., Any]:
         compiled = jax.jit(jax.vmap(function, in_axes=axes))
 
         def call(*arrays: Any) -> Any:
@@ -63,7 +63,7 @@ def mjx(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Calla
         d = data.replace(qpos=q, qvel=v, qacc=a, xfrc_applied=push)
         return _fields(mjx.rne_postconstraint(under, mjx.inverse(under, d)), MOTION)
 
-    return inside(poses, (0,)), inside(motion, (None, 0, 0, 0, 0))
+    return batch(poses, (0,)), batch(motion, (None, 0, 0, 0, 0))
 
 
 def _fields(data: Any, names: Sequence[str]) -> list[Any]:
@@ -79,7 +79,7 @@ def mjwarp(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Ca
 
     made, data = dict[tuple[float, ...], Any](), mujoco_warp.make_data(model, nworld=BLOCK)
 
-    def put(gravity: Any, **state: Any) -> Any:
+    def set_state(gravity: Any, **state: Any) -> Any:
         key = tuple(gravity)
         if key not in made:
             model.opt.gravity[:] = gravity
@@ -89,11 +89,11 @@ def mjwarp(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Ca
         return made[key]
 
     def poses(q: Any) -> list[Any]:
-        mujoco_warp.kinematics(put(model.opt.gravity, qpos=q), data)
+        mujoco_warp.kinematics(set_state(model.opt.gravity, qpos=q), data)
         return [getattr(data, name).numpy() for name in POSES]
 
     def motion(gravity: Any, q: Any, v: Any, a: Any, push: Any) -> list[Any]:
-        under = put(gravity, qpos=q, qvel=v, qacc=a, xfrc_applied=push)
+        under = set_state(gravity, qpos=q, qvel=v, qacc=a, xfrc_applied=push)
         mujoco_warp.inverse(under, data)
         mujoco_warp.rne_postconstraint(under, data)
         return [getattr(data, name).numpy() for name in MOTION]

@@ -47,7 +47,7 @@ def closing_rows(path: Path, joints: Mapping[str, JointStates], floating: bool =
     with collect_phrases():
         model, data, states = _load(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        samples = [_closing(model, data, state) for state in states]
+        samples = [_sample_closures(model, data, state) for state in states]
     rows, bias = (np.array(each) for each in zip(*samples, strict=True))
     return rows, bias
 
@@ -71,7 +71,7 @@ def _load(
     return model, data, (_state(model, joints, motions, k) for k in range(n))
 
 
-def _closing(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ...]:
+def _sample_closures(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ...]:
     q, v, a, B, qdd = state
     _inverse(model, data, (q, np.zeros(model.nv), a))
     rest = data.efc_aref.copy()

@@ -50,7 +50,7 @@ class DataBlock:
         for at, shape in self.spans:
             yield rows[:, at : at + math.prod(shape)].reshape(len(rows), *shape)
 
-    def filled(self, *values: Array) -> Array:
+    def pack(self, *values: Array) -> Array:
         """Pack samples of the given arrays, each of shape (n, ...). Shape (n, size)."""
         rows = self.rows(len(values[0]))
         rows[:] = self.block
@@ -211,7 +211,7 @@ class MujocoTree(OpenTree):
         model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED
         state, qacc, bent = self.state.block, data.qacc, self.complete if soft else None  # creating views is slow
         data.xfrc_applied[:] = 0.0
-        for i, (x, xdd) in enumerate(zip(self.state.filled(q, v), a, strict=True)):
+        for i, (x, xdd) in enumerate(zip(self.state.pack(q, v), a, strict=True)):
             state[:], qacc[:] = x, xdd
             mujoco.mj_inverse(model, data)
             if bent:
@@ -237,7 +237,7 @@ class MujocoTree(OpenTree):
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data, state, turning = self.model, self.data, self.state.block, self.turning.block
         rows = self.turning.rows(len(q))
-        for x, row in zip(self.state.filled(q, v), rows, strict=True):
+        for x, row in zip(self.state.pack(q, v), rows, strict=True):
             state[:] = x
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)

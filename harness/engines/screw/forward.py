@@ -147,7 +147,7 @@ class TracedForward:
         self.pose[:] = before
         return False
 
-    def closed(self, y: Array) -> Array | None:
+    def close(self, y: Array) -> Array | None:
         """Return coordinates of the closed pose, with home values for cut joints; None if it is in doubt. (n_q,)."""
         k, before = len(self.columns), self.pose.copy()
         self.state[:k], self.state[k:] = y[:, None], 0.0

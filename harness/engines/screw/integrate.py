@@ -119,7 +119,7 @@ class _Run:
     def _by_arrays(self, t: float, states: Array) -> Array:
         """Return derivatives of states, one per column, using the array solver on the branch. Shape (2 k + 1, n)."""
         k, alone = len(states) // 2, states.shape[1] == 1
-        q = self.traced.closed(states[:k, 0]) if self.traced is not None and alone else None
+        q = self.traced.close(states[:k, 0]) if self.traced is not None and alone else None
         at = self.rates(t, states.T, q)
         ydd, worst = at.ydd, int(np.argmax(at.condition))
         if at.condition[worst] > self.near:
@@ -148,7 +148,7 @@ class _Run:
     def reach(self, t: float, state: Array) -> None:
         """Move to a state and remember its closed pose."""
         k = len(state) // 2
-        q = None if self.traced is None else self.traced.closed(state[:k])
+        q = None if self.traced is None else self.traced.close(state[:k])
         if q is None:
             if self.traced is not None:
                 self.traced.lend(self.branch)
@@ -213,7 +213,7 @@ def integrate(
         ScrewgaugeError: The method is unknown, shapes or times are invalid, or the start cannot be reached.
     """
     method, settings = check_method(task.integration.name), task.integration
-    times, state = _checked(lay, task)
+    times, state = _check_task(lay, task)
     run = _Run(lay, applied, times, settings.near, traced)
     run.branch.move(task.start)
     begin = run.branch.q.copy()
@@ -253,7 +253,7 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
     return motion_at(lay, q[rows], yd[rows], applied=run.applied, t=t[rows])
 
 
-def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
+def _check_task(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
     """Return the times and the initial state; reject invalid values."""
     where, times, settings = lay.mechanism.name, task.grid, task.integration
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all() or not np.isfinite(times).all():

@@ -93,11 +93,11 @@ class Work:
         """Compute all requested quantities at closed poses, given by coordinates `closed`, shape (n, n_q)."""
         values, trust, A = self.evaluate(closed, motion)
 
-        def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
+        def solve_perturbed(doubtful: Rows, shake: Array) -> dict[str, Array]:
             return self.perturbed_values(closed[doubtful], motion.part(doubtful), shake)
 
         units = {name: units for name, (_, units) in self.names().items()}
-        part = examine_part(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)
+        part = examine_part(values, trust, A, motion.y.shape[1], solve_perturbed, self.clock, units, self.loops.length)
         return replace(part, q=closed)
 
     def perturbed_values(self, closed: Array, motion: GivenMotion, shake: Array) -> dict[str, Array]:

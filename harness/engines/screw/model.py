@@ -91,7 +91,7 @@ class ScrewModel:
         from screwgauge.engines.screw.integrate import integrate
 
         method = task.integration
-        traced, notes = self._traced(problem, task)
+        traced, notes = self._trace(problem, task)
         path = integrate(self.lay, task, problem.applied, progress, traced)
         reactions = self._reactions(path) if "reaction" in problem.wanted else None
         over = f"; {path.stepped_over} steps were resized near singular poses" if path.stepped_over else ""
@@ -106,7 +106,7 @@ class ScrewModel:
         solution = read.solution(labels, joints, task, path.work, path.cost, path.stopped, reactions)
         return replace(solution, notes=notes)
 
-    def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
+    def _trace(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
         """Return a program for the accelerations, or None, and notes on why there is none."""
         from screwgauge.engines.screw.forward import TracedForward
 

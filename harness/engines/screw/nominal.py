@@ -95,11 +95,11 @@ class NominalMachine:
         if last is not None and all(map(np.array_equal, (last.t, last.y, last.yd, last.ydd), (times, y, yd, ydd))):
             return last
         motion = GivenMotion(times, y.copy(), yd.copy(), ydd.copy())
-        q = self._closed(motion, follow=t is not None)
+        q = self._close(motion, follow=t is not None)
         self._last = ClosedSamples(motion.t, motion.y, motion.yd, motion.ydd, q)
         return self._last
 
-    def _closed(self, motion: GivenMotion, *, follow: bool) -> Array:
+    def _close(self, motion: GivenMotion, *, follow: bool) -> Array:
         mode = self.work.mode
         mode.restart()
         if follow:

@@ -94,7 +94,7 @@ class Bounds:
         numbers = charts, forces, speed, rush, load, out["closing"], self.stretch
         return Trust(CONDITION * gain, gain, *numbers)
 
-    def estimated(
+    def estimate(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
     ) -> tuple[list[Scalar], list[Scalar]]:
         """Estimate errors of quantities, for each unit, at samples that are not in doubt.
@@ -128,7 +128,7 @@ class Bounds:
         """Flag samples at which Newton's method stayed in its assembly mode. Shape (n,)."""
         return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
 
-    def left(self, out: Numbers, trust: Trust, values: Mapping[str, Array], counts: Counter[str]) -> Rows:
+    def select_doubtful(self, out: Numbers, trust: Trust, values: Mapping[str, Array], counts: Counter[str]) -> Rows:
         """Return the samples left to the array solver; `counts` collects their number by reason."""
         doubts = {
             "badly conditioned": trust.doubtful(SAFETY),
@@ -157,7 +157,7 @@ def rows_not_finite(values: Mapping[str, Array]) -> Rows:
 
 
 def estimate_errors(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float) -> Array:
-    """Estimate errors like `Bounds.estimated`, but at all samples, even doubtful samples. Shape (n, n_unit)."""
+    """Estimate errors like `Bounds.estimate`, but at all samples, even doubtful samples. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():
         whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
@@ -282,7 +282,7 @@ class Arcs:
             sure, rows = first(), np.flatnonzero(~(results[-checks] <= self.limits[0]))
             for runner, limit in zip(self.runners[1:], self.limits[1:], strict=True):
                 if rows.size:
-                    rows = rows[~(_retried(runner, rows, given, results) <= limit)]
+                    rows = rows[~(_retry(runner, rows, given, results) <= limit)]
                     sure = weights is None or is_clear(outputs, weights)
             return sure
 
@@ -293,7 +293,7 @@ class Arcs:
         return Arcs([runner.copy() for runner in self.runners], self.limits)
 
 
-def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:
+def _retry(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:
     """Solve samples with another program and adopt its values where its gain is smaller; return its gains."""
     out, checks = np.empty((len(outputs), len(rows))), runner.program.checks
     runner.bind([np.array([row[rows] for row in given])], [out])()

@@ -47,7 +47,7 @@ class TracedWork:
     """A program for a problem, with the array solver as fallback.
 
     Attributes:
-        outputs: Quantities, followed by ``error`` if errors are estimated, see `Bounds.estimated`.
+        outputs: Quantities, followed by ``error`` if errors are estimated, see `Bounds.estimate`.
         units: Quantity -> units of its components.
         note: Remark on the program, or an empty string.
         by_array: Reason -> number of samples that the array solver had to solve.
@@ -70,7 +70,7 @@ class TracedWork:
         Args:
             loaded: Whether every sample has its own loads, which replace the problem's loads. This is always the case
                 if the problem's loads change over time.
-            estimates: Whether errors are estimated, see `Bounds.estimated`.
+            estimates: Whether errors are estimated, see `Bounds.estimate`.
             kind: Number type of the program. Only with float64 does the array solver solve doubtful samples again.
 
         Raises:
@@ -116,7 +116,7 @@ class TracedWork:
         """Return the outputs of error estimates, if requested."""
         if "error" not in self.outputs:
             return {}
-        sums, errors = self.bounds.estimated(roots(outputs[name][0] for name in CHECKS), outputs, self.units)
+        sums, errors = self.bounds.estimate(roots(outputs[name][0] for name in CHECKS), outputs, self.units)
         return {"first": sums, "error": errors}
 
     @cached_property
@@ -283,7 +283,7 @@ class TracedWork:
             guarded = self.kind is FLOAT64
             left: Rows = np.zeros(0, dtype=np.intp)
             if guarded and not clear:
-                left = self.bounds.left(out, trust, values, self.by_array)
+                left = self.bounds.select_doubtful(out, trust, values, self.by_array)
             if guarded and thorough:
                 zeros = np.setdiff1d(vanishing_samples(values, trust, self.units, self.length), left)
                 self.by_array["zero relative to their terms"] += len(zeros)

@@ -217,7 +217,7 @@ class Variants:
         poses = self._machine.at(y, yd, ydd, t)
         check_choice("quantity", weights, self.quantities, "gradient")
         parts = [np.broadcast_to(weights.get(name, 0.0), (len(y), len(c))) for name, c in self.components.items()]
-        return self._pulled(poses, np.concatenate(parts, axis=1))
+        return self._pull_back(poses, np.concatenate(parts, axis=1))
 
     def jacobian(self, quantity: str, y: Array, yd: Array, ydd: Array, t: Array | None = None) -> Array:
         """Return derivatives of a quantity's components with respect to all parameters. Shape (n, n_component, P)."""
@@ -225,7 +225,7 @@ class Variants:
         check_choice("quantity", [quantity], self.quantities, "jacobian")
         first = sum(len(self.components[name]) for name in self.quantities[: self.quantities.index(quantity)])
         units = np.eye(self._machine.count)[first : first + len(self.components[quantity])]
-        return np.stack([self._pulled(poses, np.tile(unit, (len(y), 1))) for unit in units], axis=1)
+        return np.stack([self._pull_back(poses, np.tile(unit, (len(y), 1))) for unit in units], axis=1)
 
     # internal steps
 
@@ -342,7 +342,7 @@ class Variants:
         weights = [symbols.trace.input(np.ones(len(self._machine.anchors))) for _ in values]
         return symbols, runner(symbols.program(gradient(symbols, values, weights)), self.backend)[0]
 
-    def _pulled(self, poses: ClosedSamples, weights: Array) -> Array:
+    def _pull_back(self, poses: ClosedSamples, weights: Array) -> Array:
         symbols, run = self._pull
         out = np.empty((len(self.names), len(poses.q)))
         run.bind([stack_inputs(symbols, poses, self.nominal), np.ascontiguousarray(weights.T)], [out])()

@@ -137,7 +137,7 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
     for joint in by_role(closed.file.joints):
         _, child = loops.sides(joint)
         if joint in loops.cut:
-            wrench, body = _closing(joint, loops, at, multipliers), child
+            wrench, body = _anchor_wrench(joint, loops, at, multipliers), child
         else:
             body = _outer(joint, closed)
             wrench = transmitted[:, body] * (1.0 if body == child else -1.0)
@@ -152,7 +152,7 @@ def components(at: JointPose, wrench: Array, about: Array) -> Array:
     return np.concatenate([times(at.type.forces(at), force), times(at.type.moments(at), moment)], axis=1)
 
 
-def _closing(joint: Joint, loops: TreeLoops, at: BodyPoses, multipliers: Array) -> Array:
+def _anchor_wrench(joint: Joint, loops: TreeLoops, at: BodyPoses, multipliers: Array) -> Array:
     """Return the wrench that a cut joint's anchors exert on its child, about the child's origin. Shape (n, 6)."""
     out = np.zeros((len(at.p), 6))
     for k, anchor in enumerate(loops.anchors):

@@ -84,10 +84,10 @@ class TreeLoops:
             np.subtract(J[:, :m], J[:, m:], out=out[rows])
         for k, anchor in enumerate(self.anchors):
             if anchor.angular:
-                out[:, k] = self.turning(at, anchor.parent, anchor.child)
+                out[:, k] = self.angular_jacobian(at, anchor.parent, anchor.child)
         return out.reshape(n, 3 * m, n_v)
 
-    def turning(self, at: BodyPoses, parent: int, child: int) -> Array:
+    def angular_jacobian(self, at: BodyPoses, parent: int, child: int) -> Array:
         """Return the child's angular velocity relative to the parent, per unit coordinate rate. Shape (n, 3, n_v)."""
         return np.asarray(at.screws[:, :3] * (at.moves[child] - at.moves[parent]))
 
@@ -365,7 +365,7 @@ class ClosedTree:
         """Return the derivative of the gaps, followed by one row per independent coordinate. Shape (n, m + k, n_v)."""
         loops, rows, own = self.loops, [self.jacobian(q, at, ends)], np.eye(q.shape[1])
         sides = {joint.name: (loops.index[joint.parent], loops.index[joint.child]) for joint in loops.cut}
-        cut = {name: charts[name].rates(loops.turning(at, *sides[name])) for name in self.given}
+        cut = {name: charts[name].rates(loops.angular_jacobian(at, *sides[name])) for name in self.given}
         for column, name, i in loops.independent:
             row = cut[name][:, i] if column is None else np.broadcast_to(own[column], q.shape)
             rows.append(row[:, None])

@@ -82,7 +82,7 @@ class _Work:
         run = _Pass(self, motion, q, at, charts, A)
         values, trust = run.all()
 
-        def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
+        def solve_perturbed(doubtful: Rows, shake: Array) -> dict[str, Array]:
             some, units = motion.part(doubtful), self.closed.units
             there = q[doubtful] + shake * units
             _, matrix, R, p, screws = self._scale(there / units, some.y / self.closed.y_units)
@@ -91,7 +91,7 @@ class _Work:
             return _Pass(self, some, there, poses, read, matrix).all()[0]
 
         units = {name: units for name, (_, units) in self.names().items()}
-        part = examine_part(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.length)
+        part = examine_part(values, trust, A, motion.y.shape[1], solve_perturbed, self.clock, units, self.closed.length)
         return replace(part, q=run.values["joint_position"])
 
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:

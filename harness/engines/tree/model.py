@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.engines.kit.acting import taken
+from screwgauge.engines.kit.acting import resistance_force
 from screwgauge.engines.kit.projection import min_norm
 from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting_joints
 from screwgauge.engines.tree.closed_tree import ClosedTree
@@ -172,7 +172,7 @@ def _resistance(closed: ClosedTree, v: Array) -> Array:
             what = f"states cannot include {one.what} of '{one.coordinate}', which is not a tree coordinate"
             raise DescriptionError(what, f"model of {tree.engine}", "add it to the forces along the coordinates")
         column = tree.coordinates.index(one.coordinate)
-        total[:, column] += taken(one, v[:, column])
+        total[:, column] += resistance_force(one, v[:, column])
     return total
 
 

@@ -114,7 +114,7 @@ class _TreeRun:
             out[n:, i] = (self.slope(t, moved) - f)[n:] / (moved[i] - state[i])
         return out
 
-    def back(self, state: Array) -> Array:
+    def project_state(self, state: Array) -> Array:
         """Project a state onto the closed loops."""
         q, v, (gap, rate, left) = project(self.mover, state[: self.n], state[self.n : -1])
         if not left < OPEN:
@@ -133,7 +133,7 @@ class _TreeRun:
 
     def keep(self, t: float, state: Array) -> None:
         """Store a requested state with its accelerations and work."""
-        state = self.back(state)
+        state = self.project_state(state)
         q, v = state[: self.n].copy(), state[self.n : -1].copy()
         self.forces.act(t, q, v, self.mover.body, self.tau)
         self.path.add(t, q, v, self.mover.accelerate(self.tau))
@@ -245,7 +245,7 @@ class _Steps:
             if between is not None:
                 run.check_moving(before, (solver.t, solver.y), between)
         if self.back and solver.status == "running":
-            solver.y = run.back(solver.y)
+            solver.y = run.project_state(solver.y)
             solver.f = run.slope(solver.t, solver.y)
         with clock.aside():
             if between is not None:
