@@ -240,14 +240,14 @@ def compile(
     """
     from screwgauge.engines.screw.compiled import Solver
     from screwgauge.quantities import OF_MOTION, check_quantities
-    from screwgauge.reference.errors import DescriptionError, check_choice, shown
+    from screwgauge.reference.errors import DescriptionError, check_choice, quote
     from screwgauge.scene.preflight import determined_at_home
     from screwgauge.scene.scene import check_scene_type
 
     check_scene_type(scene, "compile")
     check_choice("backend", [backend], ("numpy", "llvm"), "compile")
     if not (isinstance(threads, int) and threads > 0):
-        raise DescriptionError(f"cannot use {shown(threads)} threads", "compile", "use a positive whole number")
+        raise DescriptionError(f"cannot use {quote(threads)} threads", "compile", "use a positive whole number")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", OF_MOTION)
     wanted, left = determined_at_home(scene, wanted) if quantities is None else (wanted, ())
     if parameters is not None:

@@ -50,11 +50,11 @@ def mechanism_path(
 
         return imported_file(path, allow, floating=floating)[0]
     if is_path(str(name)) or (where and is_file(path)):
-        return _allowing(path, [entry for entry in allow if entry.endswith(f".{TRIANGLE}")])
+        return _allow_tensors(path, [entry for entry in allow if entry.endswith(f".{TRIANGLE}")])
     raise UnknownNameError("mechanism", str(name), mechanism_names(), where, A_PATH)
 
 
-def _allowing(path: Path, allow: Sequence[str]) -> Path:
+def _allow_tensors(path: Path, allow: Sequence[str]) -> Path:
     """Extend the given description, in a temporary folder, so that it allows further tensors."""
     own = read_names(read_toml(path).get("allow", []), f"{path}, allow") if allow else ()
     if {*allow} <= {*own}:

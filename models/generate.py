@@ -16,7 +16,7 @@ from screwgauge.models.mjcf import PARTS, write_mjcf
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.outputs import check_free, stamped
+from screwgauge.reference.outputs import check_free, stamp
 from screwgauge.reference.rotations import Array
 
 
@@ -78,7 +78,7 @@ def keep_models(
     texts, inputs = model_texts(mechanism, gravity=gravity, include=include), [*inputs]
     for name in texts:
         check_free(out / name, inputs, force=force)
-    return _write({name: stamped(text) for name, text in texts.items()}, out)
+    return _write({name: stamp(text) for name, text in texts.items()}, out)
 
 
 def write_models(

@@ -26,7 +26,7 @@ def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | No
     if sum(FREEDOMS[kind] for kind in kinds) == FREEDOMS["free"]:
         return "F", elements[-1].centre
     letters = letters_of(elements)
-    if letters in ("RRR", "RR") and (centre := _meeting(elements, length)) is not None:
+    if letters in ("RRR", "RR") and (centre := _intersection(elements, length)) is not None:
         return ("S" if len(elements) == 3 else "U"), centre
     if letters == "PR" and np.linalg.norm(np.cross(elements[0].direction, elements[1].direction)) < CLOSE:
         return "C", None
@@ -39,7 +39,7 @@ def letters_of(elements: Sequence[Element]) -> str:
     return min(letters, letters[::-1])
 
 
-def _meeting(hinges: Sequence[Element], length: float) -> Array | None:
+def _intersection(hinges: Sequence[Element], length: float) -> Array | None:
     """Return the intersection of hinges with independent directions; None if they do not intersect. Shape (3,)."""
     axes = np.array([each.direction for each in hinges])
     if np.linalg.matrix_rank(axes, tol=CLOSE) < len(axes):

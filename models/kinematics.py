@@ -64,10 +64,10 @@ def tree_of(reading: Reading) -> ReadingTree:
             poses[i] = _carried_frame(one, body.pose)
             if FREEDOMS[one.kind] > 1:
                 frames[i - 1] = poses[i]
-            start = _fixed(near, poses[near], poses[i])
+            start = _fixed_frame(near, poses[near], poses[i])
             links[i] = TreeLink(one.kind, start, one.direction, places[joint].start, freedoms[joint].start, one.home)
             near = i
-        at[name] = _fixed(near, poses[near], body.pose)
+        at[name] = _fixed_frame(near, poses[near], body.pose)
 
     def end(body: str, T: Array) -> FixedFrame:
         return at.get(body, FixedFrame()).place(T[:3, :3], T[:3, 3])
@@ -103,7 +103,7 @@ def _carried_frame(joint: JointReading, pose: Array) -> Array:
     return pose if joint.kind == "free" else matrix(joint.centre, pose[:3, :3])
 
 
-def _fixed(link: int, pose: Array, there: Array) -> FixedFrame:
+def _fixed_frame(link: int, pose: Array, there: Array) -> FixedFrame:
     """Express a world pose relative to a link with a known pose."""
     R = pose[:3, :3].T
     return FixedFrame(link, R @ there[:3, :3], R @ (there[:3, 3] - pose[:3, 3]))

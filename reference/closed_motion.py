@@ -211,11 +211,11 @@ def motion_at(
     for what, values, columns in given:
         if values is not None:
             at.given_forces = np.zeros(q.shape) if at.given_forces is None else at.given_forces
-            at.given_forces[:, columns] += _checked(what, values, len(q), len(columns), lay.mechanism.name)
+            at.given_forces[:, columns] += _check_shape(what, values, len(q), len(columns), lay.mechanism.name)
     return at
 
 
-def _checked(what: str, values: Array, n: int, m: int, where: str) -> Array:
+def _check_shape(what: str, values: Array, n: int, m: int, where: str) -> Array:
     if np.shape(values) in ((m,), (n, m)):
         return values
     raise DescriptionError(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.couplings import Coupling, PolynomialSum
-from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, quote
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.graph import check_connected
 from screwgauge.reference.inertia import settle_tensors
@@ -30,7 +30,7 @@ from screwgauge.reference.tables import (
     read_table,
     read_text,
     read_toml,
-    required,
+    require,
 )
 
 _TOP = {"name", "title", "source", "group", "extends", "bodies", "joints", "couplings"}
@@ -59,9 +59,9 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     data = read_tables(path, find)
     where = str(path)
     if "mechanism" in data:
-        raise DescriptionError("is a scene, not a mechanism", where, f"use its mechanism, {shown(data['mechanism'])}")
+        raise DescriptionError("is a scene, not a mechanism", where, f"use its mechanism, {quote(data['mechanism'])}")
     check_keys(data, _TOP, where)
-    name = read_name(required(data, "name", where), f"{where}, name")
+    name = read_name(require(data, "name", where), f"{where}, name")
     bodies, joints = read_table(data, "bodies", where), read_table(data, "joints", where)
     read_joints = tuple(read_joint(key, value, f"{where}, joints.{key}") for key, value in joints.items())
     given = [_body(key, value, f"{where}, bodies.{key}") for key, value in bodies.items()]
@@ -111,9 +111,9 @@ def _body(name: str, table: Any, where: str) -> Body:
     """Read a body; its tensor is checked later, see `settle_tensors`."""
     read_name(name, where)
     check_keys(table, _BODY, where)
-    mass = number(required(table, "mass", where), f"{where}.mass")
+    mass = number(require(table, "mass", where), f"{where}.mass")
     com = vector(table.get("com", [0, 0, 0]), f"{where}.com")
-    entries = table.get("inertia", {}) if mass == 0.0 else required(table, "inertia", where)
+    entries = table.get("inertia", {}) if mass == 0.0 else require(table, "inertia", where)
     check_keys(entries, _TENSOR, f"{where}.inertia")
     xx, xy, xz, yy, yz, zz = (number(entries.get(key, 0), f"{where}.inertia.{key}") for key in _TENSOR)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -128,12 +128,12 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     """Read one entry of ``[joints]`` in a description or loops file."""
     read_name(name, where)
     check_keys(table, _JOINT, where)
-    kind = check_name("joint kind", str(required(table, "kind", where)), KINDS, where)
+    kind = check_name("joint kind", str(require(table, "kind", where)), KINDS, where)
     if kind == "fixed":
         check_keys(table, _FIXED, where)
         table = {**table, "axes": [[0, 0, 1]]}
     n, n_axes = len(KINDS[kind]), max(1, sum(KINDS[kind]))
-    axes, at = table.get("axes", XYZ) if n_axes == 3 else required(table, "axes", where), f"{where}.axes"
+    axes, at = table.get("axes", XYZ) if n_axes == 3 else require(table, "axes", where), f"{where}.axes"
     check_length(axes, n_axes, f"a {kind} joint has {n_axes} axes", at, "write a list of unit vectors")
     slides = ["x", "y", "z"] if KINDS[kind].count(False) == 3 else []
     labels = [*slides, *(f"q{i + 1}" for i in range(n - len(slides)))]
@@ -143,8 +143,8 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     return Joint(
         name=name,
         kind=kind,
-        parent=check_text(required(table, "parent", where), f"{where}.parent"),
-        child=check_text(required(table, "child", where), f"{where}.child"),
+        parent=check_text(require(table, "parent", where), f"{where}.parent"),
+        child=check_text(require(table, "child", where), f"{where}.child"),
         axes=np.array([unit_vector(axis, at) for axis in axes]),
         coordinates=tuple(read_name(item, f"{where}.coordinates") for item in coordinates),
         home=vector(table.get("home", [0] * n), f"{where}.home", n),
@@ -200,7 +200,7 @@ def written_polynomials(table: dict[str, Any], where: str) -> list[tuple[str, st
         DescriptionError: A polynomial is missing, or `terms` is given together with `polynomial` or `of`.
     """
     if "terms" not in table:
-        of, polynomial = read_text(table, "of", where, ""), required(table, "polynomial", where)
+        of, polynomial = read_text(table, "of", where, ""), require(table, "polynomial", where)
         if not of and isinstance(polynomial, list) and len(polynomial) > 1:
             what = f"a polynomial of {len(polynomial)} coefficients must name the coordinate that it depends on"
             raise DescriptionError(what, where, "add of = ..., or write one number")
@@ -237,10 +237,10 @@ def read_axial(table: Any, joints: Mapping[str, Any], where: str) -> tuple[str, 
     if table is None:
         return None
     check_keys(table, {"joint", "direction"}, where)
-    joint = check_name("joint", check_text(required(table, "joint", where), where), joints, where)
+    joint = check_name("joint", check_text(require(table, "joint", where), where), joints, where)
     if KINDS.get(str(joints[joint].get("kind"))) != (True, True, True):
         raise DescriptionError(f"joint '{joint}' is not spherical", where, "choose an S joint")
-    return joint, unit_vector(required(table, "direction", where), where)
+    return joint, unit_vector(require(table, "direction", where), where)
 
 
 def _check_sides(joint: Joint, bodies: Sequence[str]) -> None:

@@ -54,7 +54,7 @@ LISTED, NEAREST = 30, 6
 QUOTED = 60
 
 
-def shown(value: object) -> str:
+def quote(value: object) -> str:
     """Quote a user's value on one line with at most `QUOTED` characters."""
     try:
         text = printable(repr(value))
@@ -105,7 +105,7 @@ class UnknownNameError(ScrewgaugeError):
         hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: " if names else "none exist"
         few = names if len(names) <= LISTED else [*get_close_matches(text, dict.fromkeys(names), NEAREST, 0.0), *names]
         listed = first_few(dict.fromkeys(few), NEAREST if len(names) > LISTED else LISTED)
-        super().__init__(f"unknown {kind} {shown(name)}", where, hint + listed + besides)
+        super().__init__(f"unknown {kind} {quote(name)}", where, hint + listed + besides)
 
 
 #: System libraries that packages need but do not include: start of the file name -> Debian and Ubuntu package.
@@ -126,7 +126,7 @@ def check_seed(seed: object) -> None:
         DescriptionError: The seed is not a non-negative integer.
     """
     if not (isinstance(seed, Integral) and int(seed) >= 0):
-        raise DescriptionError(f"{shown(seed)} is not a seed", "seed", "use a whole number, 0 or larger")
+        raise DescriptionError(f"{quote(seed)} is not a seed", "seed", "use a whole number, 0 or larger")
 
 
 def check_choice(kind: str, names: object, known: Iterable[str], where: str = "") -> list[str]:
@@ -136,7 +136,7 @@ def check_choice(kind: str, names: object, known: Iterable[str], where: str = ""
         ScrewgaugeError: `names` is not a list, is empty, or has an unknown name.
     """
     if isinstance(names, str) or not isinstance(names, Iterable):
-        raise DescriptionError(f"{shown(names)} is not a list of names", where or f"{kind} names", "write a list")
+        raise DescriptionError(f"{quote(names)} is not a list of names", where or f"{kind} names", "write a list")
     wanted, choice = list(names), list(known)
     for name in wanted:
         if name not in choice:

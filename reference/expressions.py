@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.errors import DescriptionError, shown
+from screwgauge.reference.errors import DescriptionError, quote
 from screwgauge.reference.files import check_count
 from screwgauge.reference.rotations import Array, rotation
 
@@ -78,7 +78,7 @@ def number(value: Any, where: str) -> float:
             raise ValueError(f"larger than {LARGEST:g}")
     except (ValueError, SyntaxError, ArithmeticError, TypeError, RecursionError, MemoryError) as error:
         reason = error.args[0] if type(error) is ValueError else _REASONS.get(type(error), "not an expression")
-        what = f"{shown(value)} cannot be read as a number ({reason})"
+        what = f"{quote(value)} cannot be read as a number ({reason})"
         raise DescriptionError(what, where, 'write 0.5 or "3*sqrt(3)/10"') from None
     return result
 
@@ -88,7 +88,7 @@ def vector(value: Any, where: str, size: int = 3) -> Array:
     if not isinstance(value, list) or len(value) != size:
         count = f"{size} number{'s' * (size > 1)}"
         remedy = f"write {count} in brackets, such as {[*range(size)]}"
-        raise DescriptionError(f"{shown(value)} is not a list of {count}", where, remedy)
+        raise DescriptionError(f"{quote(value)} is not a list of {count}", where, remedy)
     return np.array([number(item, where) for item in value])
 
 
@@ -118,14 +118,14 @@ def rotation_matrix(value: Any, where: str) -> Array:
             result = result @ rotation(axis, np.array(number(step["angle"], where)))
         else:
             remedy = "write {axis = [0, 0, 1], angle = 'pi/2'}"
-            raise DescriptionError(f"rotation {shown(step)} is not valid", where, remedy)
+            raise DescriptionError(f"rotation {quote(step)} is not valid", where, remedy)
     # cos("pi/2") evaluates to 2e-16; restore intended zeros
     return np.where(np.abs(result) < 4e-16, 0.0, result)
 
 
 def _orthonormal(rows: Any, where: str) -> Array:
     if not isinstance(rows, list) or len(rows) != 3:
-        raise DescriptionError(f"{shown(rows)} is not a matrix", where, "write three rows of three numbers")
+        raise DescriptionError(f"{quote(rows)} is not a matrix", where, "write three rows of three numbers")
     R = np.array([vector(row, where) for row in rows])
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-12 or np.linalg.det(R) < 0.0:
         raise DescriptionError(f"{R.tolist()} is not a rotation", where, "use orthonormal, right-handed rows")

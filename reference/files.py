@@ -15,7 +15,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-from screwgauge.reference.errors import DescriptionError, shown
+from screwgauge.reference.errors import DescriptionError, quote
 
 #: Upper limits of an input. Beyond these, memory or time would grow without bound (with the square of the number of
 #: bodies, or with samples times terms), and Pinocchio's parser crashes on chains of a few thousand links.
@@ -111,7 +111,7 @@ def read_xml(path: Path) -> str:
     text = text.lstrip() if text.lstrip().startswith("<?xml") else text  # a declaration must come first
     declared = _DECLARED.match(text)
     if declared and not _means_the_same(text, declared[1]):
-        what = f"declares the encoding {shown(declared[1])}, but must be UTF-8"
+        what = f"declares the encoding {quote(declared[1])}, but must be UTF-8"
         raise DescriptionError(what, str(path), 'save it as UTF-8, and write encoding="UTF-8"')
     return text
 
@@ -224,7 +224,7 @@ def check_plain(value: Any, where: str) -> None:
         check_count(depth, "nested entries", where, "write them flat")
         if isinstance(node, str) and (odd := _CONTROL.search(node)):
             raise DescriptionError(
-                f"{shown(node)} contains the control character U+{ord(odd[0]):04X}", where, "remove it"
+                f"{quote(node)} contains the control character U+{ord(odd[0]):04X}", where, "remove it"
             )
         if isinstance(node, int) and abs(node) >= 10**_DIGITS:
             what = f"contains an integer of more than {_DIGITS} digits"

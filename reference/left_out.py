@@ -15,7 +15,7 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import number, rotation_matrix, vector
 from screwgauge.reference.mechanism import GROUND, Frame
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, read_list, read_text, read_vector, required
+from screwgauge.reference.tables import check_keys, check_name, read_list, read_text, read_vector, require
 
 Powers = tuple[float, ...]
 """Coefficients c0, c1, ... of the force ``x (c0 + c1 s + c2 s^2 + ...)``: s is x for a spring and |x| for a damper."""
@@ -193,7 +193,7 @@ def _drag(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]
         density=number(table.get("density", 0.0), f"{where}, density"),
         viscosity=number(table.get("viscosity", 0.0), f"{where}, viscosity"),
         wind=vector(table.get("wind", [0, 0, 0]), f"{where}, wind"),
-        box=vector(required(table, "box", where), f"{where}, box"),
+        box=vector(require(table, "box", where), f"{where}, box"),
         frame=Frame(
             vector(table.get("point", [0, 0, 0]), f"{where}, point"),
             rotation_matrix(table.get("rotation", []), f"{where}, rotation"),
@@ -220,9 +220,9 @@ def entries(one: LeftOut) -> dict[str, Any]:
             stroke = {"path": path} if path else {"along": dict(one.along)}
             rest = {"rest": np.array(one.rest)} if any(one.rest) else {}
             spring = {"stiffness": np.array(one.stiffness), **rest} if one.stiffness else {}
-            return {"of": one.of, **stroke, **_written(one), **spring}
+            return {"of": one.of, **stroke, **_resistance_entries(one), **spring}
         case TurnResistance():
-            return {"of": one.of, "joint": one.joint, **_written(one)}
+            return {"of": one.of, "joint": one.joint, **_resistance_entries(one)}
         case BorneWeight():
             return {"of": one.of, "body": one.body, "mass": one.mass, "point": one.point}
     medium = {"density": one.density, "viscosity": one.viscosity, "wind": one.wind}
@@ -230,7 +230,7 @@ def entries(one: LeftOut) -> dict[str, Any]:
     return {"of": one.of, "body": one.body, "box": one.box, **medium, **placed}
 
 
-def _written(one: StrokeResistance | TurnResistance) -> dict[str, Any]:
+def _resistance_entries(one: StrokeResistance | TurnResistance) -> dict[str, Any]:
     numbers: Iterable[tuple[str, Any]] = (
         ("armature", one.armature),
         ("damping", np.array(one.damping) if one.damping else None),

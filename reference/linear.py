@@ -64,7 +64,7 @@ def condition(A: Array) -> Array:
     return np.asarray(np.where(np.isnan(number) & np.isfinite(size), np.inf, number))
 
 
-def inverted(A: Array) -> tuple[Array, Array]:
+def invert(A: Array) -> tuple[Array, Array]:
     """Compute the inverse, in the sense of `solve`, and the condition number. (..., m, n) -> (..., n, m), (...)."""
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
@@ -79,15 +79,15 @@ def inverted(A: Array) -> tuple[Array, Array]:
     return solve(A, np.eye(A.shape[-2])), condition(A)
 
 
-def inverted_along(A: Array) -> tuple[Array, Array]:
+def invert_along(A: Array) -> tuple[Array, Array]:
     """Invert slowly varying square matrices, shape (n, m, m); also return condition numbers.
 
     One in every `EVERY` matrices is inverted directly; all other inverses follow from Schulz's iteration
-    ``X + X E + X E^2`` with ``E = 1 - A X``, in blocks of cache size. If the iteration fails, `inverted` is used.
+    ``X + X E + X E^2`` with ``E = 1 - A X``, in blocks of cache size. If the iteration fails, `invert` is used.
     """
     X, eye = np.empty_like(A), np.eye(A.shape[-1])
     if A.shape[1] != A.shape[2]:
-        return inverted(A)
+        return invert(A)
     for rows in blocks(len(A)):
         some, x, error = A[rows], X[rows], 1.0
         middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
@@ -97,7 +97,7 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
             np.subtract(eye, np.matmul(some, x, out=E), out=E)
             before, error = error, max(E.max(), -E.min())
             if not error < 0.1 * before:
-                return inverted(A)
+                return invert(A)
             x += np.matmul(x, E, out=more)
             if error > 1e-8:
                 x += more @ E

@@ -130,10 +130,10 @@ def of_bodies(bodies: Sequence[Solid]) -> tuple[str, ...]:
 
 def too_dense(bodies: Iterable[Solid]) -> tuple[str, ...]:
     """Warn about bodies with less inertia than a ball of the densest metal; point masses are exempt."""
-    return _shortened({one.name: text for one in bodies if (text := _too_dense(one))}, "too dense")
+    return _shorten({one.name: text for one in bodies if (text := _too_dense(one))}, "too dense")
 
 
-def _shortened(sentences: dict[str, str], what: str) -> tuple[str, ...]:
+def _shorten(sentences: dict[str, str], what: str) -> tuple[str, ...]:
     """Return the sentences about bodies; if there are many, the first one and a list of the remaining names."""
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
@@ -173,7 +173,7 @@ def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
     """Warn about the bodies that `too_wide` reports; summarise them if there are many."""
-    return _shortened({one.name: text for one in bodies if (text := too_wide(one))}, "lighter than air")
+    return _shorten({one.name: text for one in bodies if (text := too_wide(one))}, "lighter than air")
 
 
 def _turning_bodies(mechanism: Mechanism) -> set[str]:

@@ -69,7 +69,7 @@ def replace_file(path: Path, content: str | bytes) -> None:
         raise OutputError(f"cannot be written ({why(error)})", str(named), "choose another file") from error
 
 
-def stamped(text: str) -> str:
+def stamp(text: str) -> str:
     """Append a comment with the digest to XML, HTML, TOML or YAML text."""
     return with_digest(text.encode(errors="surrogateescape")).decode(errors="surrogateescape")
 
@@ -147,13 +147,13 @@ def check_place(path: Path) -> None:
         raise OutputError(f"cannot be written ({why(error)})", str(path), "choose another file") from None
 
 
-def overwriting() -> str:
+def force_hint() -> str:
     """Return the remedy by which this caller can overwrite a file, e.g. ``overwrite it with --force``."""
     return f"overwrite it with {OVERWRITING.get()}"
 
 
 def _other_file() -> str:
-    return f"choose another file, or {overwriting()}"
+    return f"choose another file, or {force_hint()}"
 
 
 def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:

@@ -119,7 +119,7 @@ def geometric(name: str) -> bool:
     return name.startswith("joints.") and name.split(".")[-2] in SIDES
 
 
-def chosen(known: Mapping[str, float], patterns: Sequence[str], where: str) -> list[str]:
+def resolve(known: Mapping[str, float], patterns: Sequence[str], where: str) -> list[str]:
     """Resolve names and patterns to full names in the order of `known`.
 
     A name may omit its first part, e.g. ``coupler.mass``, if it remains unique. Patterns may contain ``*``, ``?`` and
@@ -129,11 +129,11 @@ def chosen(known: Mapping[str, float], patterns: Sequence[str], where: str) -> l
         UnknownNameError: A name or pattern does not match any parameter.
         DescriptionError: A name matches several parameters.
     """
-    found = dict.fromkeys(name for pattern in patterns for name in _matching(known, pattern, where))
+    found = dict.fromkeys(name for pattern in patterns for name in _match(known, pattern, where))
     return [name for name in known if name in found]
 
 
-def _matching(known: Mapping[str, float], pattern: str, where: str) -> list[str]:
+def _match(known: Mapping[str, float], pattern: str, where: str) -> list[str]:
     wanted = _as_written(pattern)
     names = [name for name in known if wanted in (name, _short(name))]
     if len(names) > 1:
@@ -178,11 +178,11 @@ def mechanism_with(mechanism: Mechanism, values: Numbers, *, symbolic: bool = Fa
     Raises:
         DescriptionError: The new numbers are invalid for a body or joint.
     """
-    make, get = unchecked if symbolic else replace, partial(_value, values, symbolic)
+    make, get = replace_unchecked if symbolic else replace, partial(_value, values, symbolic)
     bodies = tuple(_body(body, get, make) for body in mechanism.bodies)
     joints = tuple(_joint(joint, get, make) for joint in mechanism.joints)
     if symbolic:
-        made: Mechanism = unchecked(mechanism, bodies=bodies, joints=joints)
+        made: Mechanism = replace_unchecked(mechanism, bodies=bodies, joints=joints)
         _forget(made, home=mechanism.home, bodies=bodies)
         return made
     if any(a is not b for a, b in zip((*bodies, *joints), (*mechanism.bodies, *mechanism.joints), strict=True)):
@@ -190,7 +190,7 @@ def mechanism_with(mechanism: Mechanism, values: Numbers, *, symbolic: bool = Fa
     return mechanism
 
 
-def unchecked(item: Any, **changes: Any) -> Any:
+def replace_unchecked(item: Any, **changes: Any) -> Any:
     """Replace fields of a record without running its checks."""
     made = copy(item)
     for name, value in changes.items():
@@ -257,11 +257,11 @@ def _frame(frame: Frame, name: str, axis: Array, get: Get) -> Frame:
     for tilt, direction in zip(TILTS, across(axis)[1], strict=True):
         angle = get(f"{name}.{tilt}", 0.0)
         if not isinstance(angle, float) or angle:
-            R = R @ rotation(direction, _boxed(apply("sin", angle)), _boxed(apply("cos", angle)))
+            R = R @ rotation(direction, _box(apply("sin", angle)), _box(apply("cos", angle)))
     return frame if p is frame.p and R is frame.R else Frame(p, R)
 
 
-def _boxed(x: Any) -> Array:
+def _box(x: Any) -> Array:
     """Wrap a scalar of any type in a zero-dimensional array."""
     box = np.empty((), dtype=float if isinstance(x, float) else object)
     box[()] = x
@@ -274,7 +274,7 @@ def applied_with(applied: Applied, values: Numbers, *, symbolic: bool = False) -
     Raises:
         DescriptionError: The new numbers are invalid for a spring.
     """
-    make, get = unchecked if symbolic else replace, partial(_value, values, symbolic)
+    make, get = replace_unchecked if symbolic else replace, partial(_value, values, symbolic)
     loads = tuple(
         _with(load, {what: get(f"loads.{i}.{what}", getattr(load, what)) for what in ("force", "torque")}, make)
         for i, load in enumerate(applied.loads, 1)

@@ -22,13 +22,13 @@ def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
 
     The checks of the description are not repeated, because rounding may tilt axes by more than the checks allow.
     """
-    bodies = tuple(rounded(body, dtype) for body in mechanism.bodies)
-    joints = tuple(rounded(joint, dtype) for joint in mechanism.joints)
+    bodies = tuple(round_to(body, dtype) for body in mechanism.bodies)
+    joints = tuple(round_to(joint, dtype) for joint in mechanism.joints)
     axial = None if mechanism.axial is None else (mechanism.axial[0], mechanism.axial[1].astype(dtype))
     return replace(mechanism, bodies=bodies, joints=joints, axial=axial)
 
 
-def rounded(item: T, dtype: DTypeLike) -> T:
+def round_to(item: T, dtype: DTypeLike) -> T:
     """Round the arrays of a dataclass and its frames to `dtype`, without the checks of the class."""
     changed = copy(item)
     for one in fields(item):
@@ -36,5 +36,5 @@ def rounded(item: T, dtype: DTypeLike) -> T:
         if isinstance(value, np.ndarray):
             object.__setattr__(changed, one.name, value.astype(dtype))
         elif isinstance(value, Frame):
-            object.__setattr__(changed, one.name, rounded(value, dtype))
+            object.__setattr__(changed, one.name, round_to(value, dtype))
     return changed

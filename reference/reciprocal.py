@@ -158,7 +158,7 @@ def _span(A: Array) -> Array:
     return np.asarray(np.linalg.svd(A, full_matrices=False)[0][:, : linear.rank(A)])
 
 
-def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
+def supports(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
     """Analyse the support of a body (by default, the body with the most legs) at each of n closed poses.
 
     Leg wrenches follow eqs. (9)-(12); the remaining twists of the body are reciprocal to them, eqs. (13)-(14).
@@ -263,7 +263,7 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElemen
     E, h = _principal(D @ fixed, M @ fixed)
     rest = _upright(D @ linear.null_space(fixed.T) if 0 < fixed.shape[1] < f else D[:, fixed.shape[1] :])
     E, h = np.concatenate([E, rest], axis=1), np.concatenate([h, np.zeros(rest.shape[1])])
-    E, points, h = _without_pitch(E, np.tile(_meeting(E, M @ D.T @ E, h, off), (len(h), 1)), h)
+    E, points, h = _without_pitch(E, np.tile(_common_point(E, M @ D.T @ E, h, off), (len(h), 1)), h)
     E, couples = _fix_signs(E), _fix_signs(couples)
     lines = [ScrewElement(e, (near + r) * unit, float(p) * unit) for e, r, p in zip(E.T, points, h, strict=True)]
     return (*lines, *(ScrewElement(e, near * unit, np.inf) for e in couples.T))
@@ -299,7 +299,7 @@ def _principal(E: Array, M: Array) -> tuple[Array, Array]:
     return E[:, order], h[order]
 
 
-def _meeting(E: Array, M: Array, h: Array, off: Array) -> Array:
+def _common_point(E: Array, M: Array, h: Array, off: Array) -> Array:
     """Return the common point of the principal axes relative to O, ignoring pure couples. Shape (3,)."""
     wanted = off @ (M - E * h)
     A = (-off @ skew(E.T)).reshape(-1, 3)  # r x e = -e x r

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, quote
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import LIMITS, check_count, check_plain, read_file
 from screwgauge.reference.rotations import Array
@@ -63,13 +63,13 @@ def check_keys(table: Any, known: Iterable[str], where: str) -> None:
     """Reject unknown keys, and values that are not tables."""
     known = list(known)
     if not isinstance(table, dict):
-        raise DescriptionError(f"{shown(table)} is not a table", where, "write key = value entries")
+        raise DescriptionError(f"{quote(table)} is not a table", where, "write key = value entries")
     for key in table:
         if key not in known:
             raise UnknownNameError("key", key, sorted(known), where)
 
 
-def required(table: dict[str, Any], key: str, where: str) -> Any:
+def require(table: dict[str, Any], key: str, where: str) -> Any:
     """Return an entry; reject a table that lacks it."""
     if key not in table:
         raise DescriptionError(f"'{key}' is missing", where, f"add {key} = ...")
@@ -78,9 +78,9 @@ def required(table: dict[str, Any], key: str, where: str) -> Any:
 
 def read_text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
     """Read a string entry, which is required if no default is given."""
-    value = required(table, key, where) if default is None else table.get(key, default)
+    value = require(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, str):
-        raise DescriptionError(f"{shown(value)} is not text", f"{where}, {key}", "write it in quotes")
+        raise DescriptionError(f"{quote(value)} is not text", f"{where}, {key}", "write it in quotes")
     return value
 
 
@@ -96,13 +96,13 @@ def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
 def read_name(value: Any, where: str) -> str:
     """Read a name that is valid in file names, URDF and MJCF ('@' is reserved for elements that model files add)."""
     if not re.fullmatch(r"\w[\w.:+-]*", check_text(value, where)):
-        raise DescriptionError(f"{shown(value)} is not a name", where, "use letters, digits and . _ - + : only")
+        raise DescriptionError(f"{quote(value)} is not a name", where, "use letters, digits and . _ - + : only")
     return str(value)
 
 
 def read_table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
     """Read a required, non-empty table of named entries."""
-    table = required(data, key, where)
+    table = require(data, key, where)
     if not isinstance(table, dict) or not table:
         raise DescriptionError(f"'{key}' has no entries", where, f"write at least one [{key}.NAME]")
     if key in LIMITS:
@@ -165,21 +165,21 @@ def positive(value: Any, where: str, remedy: str = "use a positive number") -> f
 def read_names(value: Any, where: str) -> tuple[str, ...]:
     """Read a list of names without duplicates; the list may be empty, and names may be unknown."""
     if not isinstance(value, list):
-        raise DescriptionError(f"{shown(value)} is not a list of names", where, "write a list")
+        raise DescriptionError(f"{quote(value)} is not a list of names", where, "write a list")
     return tuple(dict.fromkeys(str(name) for name in value))
 
 
 def check_text(value: Any, where: str) -> str:
     """Read a non-empty string; only ``source`` may be empty."""
     if not isinstance(value, str) or (value == "" and not where.endswith("source")):
-        raise DescriptionError(f"{shown(value)} is not text", where, "write a name in quotes")
+        raise DescriptionError(f"{quote(value)} is not text", where, "write a name in quotes")
     return value
 
 
 def read_coefficients(value: Any, where: str) -> Array:
     """Read the coefficients of a polynomial, at least one, lowest first. Shape (m,)."""
     if not isinstance(value, list) or not value:
-        what = f"{shown(value)} is not a list of coefficients"
+        what = f"{quote(value)} is not a list of coefficients"
         raise DescriptionError(what, where, "write the coefficients, lowest first: [c0, c1]")
     check_count(len(value), "coefficients", where)
     return vector(value, where, len(value))

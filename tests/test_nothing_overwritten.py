@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.reference.outputs import is_as_written, stamped
+from screwgauge.reference.outputs import is_as_written, stamp
 from screwgauge.report.folder import lock_folder
 from support.command import main
 from support.errors import OutputError
@@ -85,7 +85,7 @@ READING = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", READING)
 def test_what_a_command_reads_is_not_overwritten_even_if_it_was_written_here(name, bars, capsys):
-    Path("scene.toml").write_text(stamped(scene()), encoding="utf-8")
+    Path("scene.toml").write_text(stamp(scene()), encoding="utf-8")
     refused(*READING[name])
     said = capsys.readouterr().err
     assert "--force" in said or name.startswith("check")
@@ -283,8 +283,8 @@ def test_a_folder_is_free_when_who_held_it_is_killed():
 
 @pytest.mark.parametrize("text", ["", "<a/>", "a = 1\n", "<a>\n</a>\n\n"])
 def test_a_digest_tells_a_text_as_it_was_written(text, write):
-    file = write("file", stamped(text))
+    file = write("file", stamp(text))
     assert is_as_written(file)
-    for other in (text, f"{stamped(text)}\n", f"x{stamped(text)}", stamped(text).removesuffix("\n")):
+    for other in (text, f"{stamp(text)}\n", f"x{stamp(text)}", stamp(text).removesuffix("\n")):
         file.write_text(other, encoding="utf-8")
         assert not is_as_written(file)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.reference.reciprocal import ScrewElement, body_twists, elements, end_body, held, idle_forces, legs
+from screwgauge.reference.reciprocal import ScrewElement, body_twists, elements, end_body, idle_forces, legs, supports
 from support.freedoms import reciprocal_screws
 from support.geometry import couple, force, linear, prismatic, revolute
 from support.mechanism import Frame, Mechanism, load_mechanism, mechanism_names
@@ -22,7 +22,7 @@ def screw(one: ScrewElement) -> np.ndarray:
 
 
 def of(name: str, body: str = ""):
-    return held(*at_home(load_mechanism(name)), body)[0]
+    return supports(*at_home(load_mechanism(name)), body)[0]
 
 
 def kinds(system) -> list[float]:
@@ -126,7 +126,7 @@ def test_each_rps_leg_takes_a_force_through_its_ball_along_its_hinge() -> None:
 def test_three_forces_that_do_not_meet_leave_turns_about_lines_that_meet_all_of_them() -> None:
     """A tilted 3-RPS: rotation axes meet or parallel every force."""
     lay = layout(load_mechanism("3-rps"))
-    (found,) = held(lay, posed(lay, 0.63, 0.7, 0.66))
+    (found,) = supports(lay, posed(lay, 0.63, 0.7, 0.66))
     forces = [system[0] for system in found.wrenches]
     for turn in found.twists:
         for one in forces:
@@ -225,8 +225,8 @@ def test_size_and_place_make_no_difference() -> None:
         )
         for joint in mechanism.joints
     )
-    there = held(*at_home(replace(mechanism, joints=joints)))[0]
-    here = held(*at_home(mechanism))[0]
+    there = supports(*at_home(replace(mechanism, joints=joints)))[0]
+    here = supports(*at_home(mechanism))[0]
     assert there.twists[0].pitch == pytest.approx(here.twists[0].pitch, rel=1e-9, abs=0)
     apart = there.twists[0].point - here.twists[0].point - moved
     assert np.cross(apart, here.twists[0].direction) == pytest.approx(np.zeros(3), abs=1e-8)

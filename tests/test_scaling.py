@@ -12,7 +12,7 @@ from support.equations import gain
 from support.mechanism import four_bars, load_mechanism
 from support.scene import GIVEN
 from support.solve import TracedWork, home_equations, layout, positions
-from support.traced import Lanes, only
+from support.traced import Lanes, reduce_program
 
 FORCES = ("generalized_force", "actuator_force")
 
@@ -97,8 +97,8 @@ def test_a_program_for_some_outputs_computes_these_and_no_more(followed):
     rows = [0, 5, *range(len(program.outputs) - 3, len(program.outputs))]
     given = np.random.default_rng(1).uniform(-0.3, 0.3, (program.inputs, 4))
     whole, some = np.empty((len(program.outputs), 4)), np.empty((len(rows), 4))
-    less = only(program, rows)
+    less = reduce_program(program, rows)
     Lanes(program).bind([given], [whole])()
     Lanes(less).bind([given], [some])()
     assert np.array_equal(some, whole[rows], equal_nan=True)
-    assert len(only(program, []).code) == 0 < len(less.code) < len(program.code)
+    assert len(reduce_program(program, []).code) == 0 < len(less.code) < len(program.code)

@@ -14,7 +14,7 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.bench import Journal
 from support.command import LIMITS, digest, main, read_json
-from support.errors import DescriptionError, UnknownNameError, printable, shown
+from support.errors import DescriptionError, UnknownNameError, printable, quote
 from support.gate import GateRow, Residual, compare_baseline, from_record, is_record, write_baseline
 from support.scene import read_columns
 
@@ -168,13 +168,13 @@ class Mute:
     ids=range(9),
 )
 def test_any_value_is_quoted_on_one_line_of_sixty_characters(value):
-    assert len(shown(value)) <= 60
-    assert shown(value).isprintable()
+    assert len(quote(value)) <= 60
+    assert quote(value).isprintable()
     assert len(str(UnknownNameError("engine", value, ["screw"]))) < 200
 
 
 def test_a_short_value_is_quoted_as_it_is():
-    assert (shown("a'b"), shown([1, "x"]), shown("y" * 58)) == ('"a\'b"', "[1, 'x']", f"'{'y' * 58}'")
+    assert (quote("a'b"), quote([1, "x"]), quote("y" * 58)) == ('"a\'b"', "[1, 'x']", f"'{'y' * 58}'")
 
 
 def test_github_marks_a_file_whatever_its_name_is():

@@ -36,7 +36,7 @@ from screwgauge.diagnosis.model import (
 from screwgauge.diagnosis.shares import Torques, compare_orders, freedom_left, have_values, with_gravity, without_forces
 from screwgauge.models.content import kinds
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_seed, shown
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_seed, quote
 
 #: Groups of properties that can be compared separately.
 ONLY = ("rigid",)
@@ -64,7 +64,7 @@ def diagnose(
     check_seed(seed)
     deadline = Deadline(limit)
     if not isinstance(map, str | Path | Mapping | None):
-        raise DescriptionError(f"{shown(map)} is neither a file nor a table of names", "map", "pass a file or a table")
+        raise DescriptionError(f"{quote(map)} is neither a file nor a table of names", "map", "pass a file or a table")
     if only and only not in ONLY:
         raise UnknownNameError("part of a comparison", only, ONLY, "only")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map

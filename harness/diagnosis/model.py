@@ -21,7 +21,7 @@ from screwgauge.models.readings.loops import loops_for, with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import form_of, weighed_copy
-from screwgauge.reference.errors import ClosureError, DescriptionError, ModelFileError, UnknownNameError, shown
+from screwgauge.reference.errors import ClosureError, DescriptionError, ModelFileError, UnknownNameError, quote
 from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -202,7 +202,7 @@ def loops_of_sides(
         return one, two
     given = list(loops) if isinstance(loops, Sequence) else []
     if len(given) != len(sides) or not all(each is None or isinstance(each, str | Path) for each in given):
-        raise DescriptionError(f"{shown(loops)} is not a loops file", "loops", "pass one file, or one per model")
+        raise DescriptionError(f"{quote(loops)} is not a loops file", "loops", "pass one file, or one per model")
     one, two = (None if not each else Path(each) for each in given)
     return one, two
 

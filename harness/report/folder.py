@@ -21,7 +21,7 @@ from uuid import uuid4
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import digest, read_json, why
-from screwgauge.reference.outputs import overwriting
+from screwgauge.reference.outputs import force_hint
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,7 +71,7 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
     for name in names:
         if not force and name not in ours and (out / name).exists():
             what = f"{name} exists, but is not from an earlier report, or has changed since (see {MANIFEST})"
-            raise OutputError(what, str(out), f"{_ELSEWHERE}, or {overwriting()}")
+            raise OutputError(what, str(out), f"{_ELSEWHERE}, or {force_hint()}")
 
 
 def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str] | None = None) -> Path:

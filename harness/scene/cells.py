@@ -76,7 +76,7 @@ def examine(
     q = mode.system.coordinates(z[rows], np.tile(mechanism.home, (len(rows), 1)))
     for row, why in zip(rows.tolist(), _doubts(lay, q, matrix[rows], undriven), strict=True):
         reasons[row] = why
-    known[rows] = linear.inverted_along(matrix[rows])[1] <= SINGULAR
+    known[rows] = linear.invert_along(matrix[rows])[1] <= SINGULAR
     ways = np.flatnonzero(known[sides[0]] & known[sides[1]])
     a, b = (side[ways] for side in sides)
     near = _is_linked(z[b] - z[a], [K[a], K[b]], (y[b] - y[a]) / mode.unit)
@@ -191,7 +191,7 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
     at, (low, high) = motion_at(lay, q, np.zeros((len(q), len(mechanism.independent)))), mechanism.limits.T
     sizes, conditions = at.loops.sizes, list[tuple[Array, str]]()
     if matrix is not None:
-        conditions.append((linear.inverted_along(matrix)[1], "the loops do not determine the motion"))
+        conditions.append((linear.invert_along(matrix)[1], "the loops do not determine the motion"))
     given = [k for k in range(len(mechanism.independent)) if k not in undriven]
     if given and len(mechanism.actuators) >= len(given):
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]

@@ -19,7 +19,7 @@ from screwgauge.reference.graph import check_connected, layout
 from screwgauge.reference.linear import EPS
 from screwgauge.reference.mechanism import GROUND, KINDS, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_name, read_items, required
+from screwgauge.reference.tables import check_name, read_items, require
 from screwgauge.scene.keys import read_keys
 
 #: Kind of a contact -> kind of its joint.
@@ -94,7 +94,7 @@ def read_contact(mechanism: Mechanism, table: Any, where: str) -> Contact:
     if "axis" in table and kind != "hinge":
         raise DescriptionError(f"a {kind} has no axis", where, "remove it, or set kind = 'hinge'")
     if kind == "hinge":
-        required(table, "axis", where)
+        require(table, "axis", where)
     axis = np.eye(3)[2] if given["axis"] is None else given["axis"]
     return Contact(name, body, kind, given["point"], axis, where)
 

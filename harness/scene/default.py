@@ -34,7 +34,7 @@ from screwgauge.reference.errors import DescriptionError, OutputError, Screwgaug
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.files import is_file, is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.outputs import check_free, stamped
+from screwgauge.reference.outputs import check_free, stamp
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import read_toml
 from screwgauge.scene.idle import Followed
@@ -357,4 +357,4 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
 
 
 def _write(path: Path, text: str) -> None:
-    path.write_text(stamped(text), encoding="utf-8")
+    path.write_text(stamp(text), encoding="utf-8")

@@ -13,13 +13,13 @@ import numpy as np
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
 from screwgauge.reference.courses import Course, Samples
-from screwgauge.reference.errors import DescriptionError, shown
+from screwgauge.reference.errors import DescriptionError, quote
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import check_count, named_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, read_items, read_text, read_vector, required
+from screwgauge.reference.tables import check_keys, check_name, read_items, read_text, read_vector, require
 from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import read_column, read_course
 
@@ -69,7 +69,7 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
             )
         return read_times(given["times"], f"{where}.times")
     for key in ("duration", "step"):
-        required(table, key, where)
+        require(table, key, where)
     duration, step = float(given["duration"]), float(given["step"])
     check_count(duration / step, "samples", where, GRID)
     if step > duration * (1 + 1e-12):
@@ -81,7 +81,7 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
 
 def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     if not isinstance(table, dict):
-        raise DescriptionError(f"{shown(table)} is not a table", where, "write engine = 'file'")
+        raise DescriptionError(f"{quote(table)} is not a table", where, "write engine = 'file'")
     return {engine: named_file(folder, read_text(table, engine, where)) for engine in table}
 
 
@@ -91,7 +91,7 @@ def read_figure(table: Any, where: str) -> Figure:
     if contour is not None:
         check_keys(table, {"title", "quantity", "contour"}, where)
         return Figure(given["title"], quantity, "", (), contour)
-    unit, panels = required(table, "unit", where), required(table, "panels", where)
+    unit, panels = require(table, "unit", where), require(table, "panels", where)
     lists = panels.values() if isinstance(panels, dict) else [None]
     check_count(len(lists), "panels", where)
     if not all(isinstance(items, list) and all(isinstance(item, str) for item in items) for items in lists):
@@ -157,7 +157,7 @@ def _components(table: dict[str, Any], key: str, where: str, folder: Path) -> It
     """Yield the three components of a load: numbers, functions of time, or columns of a CSV file."""
     values, where = table.get(key, [0, 0, 0]), f"{where}.{key}"
     if not isinstance(values, list) or len(values) != 3:
-        raise DescriptionError(f"{shown(values)} is not a list of three components", where, "write three components")
+        raise DescriptionError(f"{quote(values)} is not a list of three components", where, "write three components")
     for axis, value in zip("xyz", values, strict=True):
         if not isinstance(value, dict):
             yield Course.of(number(value, where))

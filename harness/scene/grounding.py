@@ -25,7 +25,7 @@ from screwgauge.reference.expressions import number
 from screwgauge.reference.graph import layout, root
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, read_list, required
+from screwgauge.reference.tables import check_keys, read_list, require
 from screwgauge.scene.contacts import Contact, add_contacts, choose_independent, read_contacts
 from screwgauge.scene.grid import is_grid
 from screwgauge.scene.motion import moved_labels, read_drive
@@ -163,7 +163,7 @@ def _moved_labels(
     Raises:
         ScrewgaugeError: The motion is missing, or a name is unknown.
     """
-    motion, where = required(data, "motion", str(path)), f"{path}, motion"
+    motion, where = require(data, "motion", str(path)), f"{path}, motion"
     if isinstance(motion, dict) and "csv" in motion:
         names = [*mechanism.independent, *(contact.name for contact in contacts)]
         return moved_labels(motion, names, path.parent, where)

@@ -22,7 +22,7 @@ from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.idle_motion import IdleMotion, State
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, required
+from screwgauge.reference.tables import check_keys, require
 from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 
@@ -92,7 +92,7 @@ def check_driven(mechanism: Mechanism, labels: Sequence[str], where: str) -> Non
     driven = driven_at_home(lay, given)
     for k, label in enumerate(every):
         if label not in labels and len(driven_at_home(lay, [*given, k])) > len(driven):
-            required({}, label, where)
+            require({}, label, where)
     if len(driven) < len(given):
         names = first_few((f"'{every[k]}'" for k in given if k not in driven), 4)
         raise DescriptionError(

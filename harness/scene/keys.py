@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from screwgauge.reference.errors import DescriptionError, shown
+from screwgauge.reference.errors import DescriptionError, quote
 from screwgauge.reference.expressions import number, unit_vector, vector
 from screwgauge.reference.tables import (
     check_keys,
@@ -17,7 +17,7 @@ from screwgauge.reference.tables import (
     read_names,
     read_text,
     read_toml,
-    required,
+    require,
 )
 
 #: Table of a scene file -> its title, its purpose and its keys.
@@ -26,7 +26,7 @@ TABLES: dict[str, dict[str, Any]] = read_toml(Path(__file__).with_name("keys.tom
 
 def _count(value: Any, key: str, where: str) -> int:
     if type(value) is not int or value < 2:
-        raise DescriptionError(f"{key} is {shown(value)}", where, "use a whole number of at least 2")
+        raise DescriptionError(f"{key} is {quote(value)}", where, "use a whole number of at least 2")
     return value
 
 
@@ -61,7 +61,7 @@ def read_keys(name: str, table: Any, where: str) -> dict[str, Any]:
 
 def _read(key: str, one: dict[str, Any], table: dict[str, Any], where: str) -> Any:
     if key not in table and "default" not in one:
-        return None if one.get("optional") else required(table, key, where)
+        return None if one.get("optional") else require(table, key, where)
     value: Any = table.get(key, one.get("default"))
     if "among" in one:
         return check_name(one.get("noun", key), value, one["among"], where)

@@ -20,7 +20,7 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import LARGEST, vector
 from screwgauge.reference.files import check_count, is_file, named_file, read_bytes, read_file
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_times, read_coefficients, required
+from screwgauge.reference.tables import check_keys, check_times, read_coefficients, require
 from screwgauge.scene.keys import read_keys
 
 if TYPE_CHECKING:
@@ -236,7 +236,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
     if isinstance(table, dict) and "csv" in table:
         return _read_samples(named_file(folder, read_keys("samples", table, where)["csv"]), labels)
     check_keys(table, labels, where)
-    terms = (read_course(required(table, label, where), f"{where}.{label}") for label in labels)
+    terms = (read_course(require(table, label, where), f"{where}.{label}") for label in labels)
     return Analytic(tuple(terms), where), None
 
 

@@ -14,12 +14,12 @@ from screwgauge.problem import Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.courses import same_times
 from screwgauge.reference.equations.kinematics import pose
-from screwgauge.reference.errors import DescriptionError, shown
+from screwgauge.reference.errors import DescriptionError, quote
 from screwgauge.reference.files import named_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, check_times, positive, required
+from screwgauge.reference.tables import check_keys, check_name, check_times, positive, require
 from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import numbers, read_columns
 from screwgauge.solution import Values
@@ -79,7 +79,7 @@ def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
         check_name("coordinate", coordinate, mechanism.moving, where)
         unit = mechanism.units[mechanism.coordinates.index(coordinate)]
         return Observable(name, unit, coordinate=coordinate)
-    required(table, "axis", where)
+    require(table, "axis", where)
     check_name("body", given["body"], mechanism.body_index, where)
     return Observable(name, "m", body=given["body"], point=given["point"], axis="xyz".index(given["axis"]))
 
@@ -225,7 +225,7 @@ class Recorded:
         if not self.columns:
             raise DescriptionError("has no column besides t", self.where, "name the columns after components")
         if not isinstance(self.error, Mapping):
-            raise DescriptionError(f"error {shown(self.error)} is not a table", self.where, "write quantity = number")
+            raise DescriptionError(f"error {quote(self.error)} is not a table", self.where, "write quantity = number")
         error = {name: positive(value, f"{self.where}, error.{name}") for name, value in self.error.items()}
         object.__setattr__(self, "error", error)
         object.__setattr__(self, "t", t)
@@ -261,7 +261,7 @@ def read_tables(tables: Any, folder: Path, where: str) -> dict[str, Recorded]:
         DescriptionError: A name is invalid, or a file is not a table.
     """
     if not isinstance(tables, dict):
-        raise DescriptionError(f"{shown(tables)} is not a table", where, "write name = 'file'")
+        raise DescriptionError(f"{quote(tables)} is not a table", where, "write name = 'file'")
     return {name: _read(name, table, folder, where) for name, table in tables.items()}
 
 

@@ -186,7 +186,7 @@ class SampleWalk:
                 raise ClosureError(end.what, end.where, end.remedy) from None
             raise self._passage(end, motion) from None
         matrix = more[0] if more else matrix
-        regular = (linear.inverted_along(matrix)[1] <= linear.SINGULAR).all()
+        regular = (linear.invert_along(matrix)[1] <= linear.SINGULAR).all()
         q = self.system.tree(z, self.mode.joints(poses))
         if not regular or np.isfinite(mechanism.limits[self.lay.cut_columns]).any():
             q = self.system.coordinates(z, q)

@@ -21,7 +21,7 @@ from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
 from screwgauge.reference.inertia import TRIANGLE
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, positive, read_items, read_toml, required
+from screwgauge.reference.tables import check_keys, positive, read_items, read_toml, require
 from screwgauge.scene.default import scene_file
 from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models, read_points
 from screwgauge.scene.grid import GridMotion, check_contours, check_timeless, is_grid, read_grid_motion
@@ -135,7 +135,7 @@ def _times(data: dict[str, Any], mechanism: Mechanism, sampled: Array | None, pa
 def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
     """Read the fields of a scene with a given motion."""
     where = str(path)
-    motion = required(data, "motion", where)
+    motion = require(data, "motion", where)
     given: Analytic | Sampled | GridMotion
     sampled: Array | None
     if is_grid(motion, mechanism):

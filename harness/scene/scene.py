@@ -15,11 +15,11 @@ from screwgauge.problem import GivenMotion, InitialValue, Problem, Wording
 from screwgauge.quantities import QUANTITIES, integrated_tolerance
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.content import same_content
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, quote
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.parameters import applied_with, changed_to, chosen, geometric, mechanism_with, numbers
+from screwgauge.reference.parameters import applied_with, changed_to, geometric, mechanism_with, numbers, resolve
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name
@@ -176,7 +176,7 @@ class Scene:
             DescriptionError: A time is not a finite number, or a sampled motion has no sample at a time.
         """
         if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
-            raise DescriptionError(f"{shown(times)} is not a list of times", "times", "pass a list of times in s")
+            raise DescriptionError(f"{quote(times)} is not a list of times", "times", "pass a list of times in s")
         t = read_times(list(times), "times")
         if isinstance(self.task, InitialValue):
             check_order(t, self.task.since)
@@ -237,7 +237,7 @@ class Scene:
 
         known, values = numbers(self.mechanism, self.applied), dict[str, float]()
         for pattern, rule in changes.items():
-            for name in chosen(known, [pattern], "with_"):
+            for name in resolve(known, [pattern], "with_"):
                 values[name] = changed_to(rule, known[name], f"with_, {pattern}")
 
         def at(share: float) -> Mechanism:
@@ -307,7 +307,7 @@ class Scene:
 def check_scene_type(what: object, where: str) -> None:
     """Reject objects that are not scenes, such as the name of a scene."""
     if not isinstance(what, Scene):
-        raise DescriptionError(f"{shown(what)} is not a scene", where, "pass a scene returned by load_scene")
+        raise DescriptionError(f"{quote(what)} is not a scene", where, "pass a scene returned by load_scene")
 
 
 def check_order(t: Array, since: float) -> None:

@@ -30,7 +30,7 @@ from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from screwgauge.problem import Progress, silent
 from screwgauge.processes import ONE, SAFE, inherit_safely, save_time
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, quote
 from screwgauge.reference.files import why
 from screwgauge.solution import Failure
 from screwgauge.study.forks import Forks
@@ -109,7 +109,7 @@ def run_isolated(
     """
     if not isinstance(limits, Limits):
         raise DescriptionError(
-            f"{shown(limits)} is not a Limits object", "limits", "pass screwgauge.Limits(seconds=...)"
+            f"{quote(limits)} is not a Limits object", "limits", "pass screwgauge.Limits(seconds=...)"
         )
     # progress is reported through files, which survive their writer and never block
     with TemporaryDirectory(prefix="screwgauge-") as folder:

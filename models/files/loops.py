@@ -15,13 +15,13 @@ from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import ActuatorReading, ClosureReading, Reading, couplings_of
 from screwgauge.reference.couplings import Coupling, check_couplings
 from screwgauge.reference.description import read_axial, read_couplings, read_joint
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError, shown
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError, quote
 from screwgauge.reference.expressions import rotation_matrix, vector
 from screwgauge.reference.files import LIMITS, check_count
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS, rotors_of
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, read_toml, required
+from screwgauge.reference.tables import check_keys, check_name, read_toml, require
 
 #: Suffix of loops files in screwgauge's own format.
 OWN = ".loops.toml"
@@ -108,7 +108,7 @@ def read_loops(path: Path) -> LoopsFile:
     try:
         data = read_toml(path)
         check_keys(data, _TOP, where)
-        cut = check_name("cut", str(required(data, "cut", where)), CUTS, f"{where}, cut")
+        cut = check_name("cut", str(require(data, "cut", where)), CUTS, f"{where}, cut")
         tables = _entry(data, "joints", dict, where)
         joints = tuple(read_joint(name, table, f"{where}, joints.{name}") for name, table in tables.items())
         file = LoopsFile(
@@ -134,9 +134,9 @@ def read_loops(path: Path) -> LoopsFile:
 
 
 def _entry(table: Any, key: str, kind: type[Sized], where: str, default: Any = None) -> Any:
-    value = required(table, key, where) if default is None else table.get(key, default)
+    value = require(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, kind):
-        raise ModelFileError(f"{shown(value)} is not a {kind.__name__}", f"{where}, {key}", "write the models again")
+        raise ModelFileError(f"{quote(value)} is not a {kind.__name__}", f"{where}, {key}", "write the models again")
     if key in LIMITS:
         check_count(len(value), key, where)
     return value
@@ -146,7 +146,7 @@ def _names(data: dict[str, Any], key: str, where: str) -> tuple[str, ...]:
     names = _entry(data, key, list, where)
     for name in names:
         if not isinstance(name, str):
-            raise ModelFileError(f"{shown(name)} is not a name", f"{where}, {key}", "write names in quotes")
+            raise ModelFileError(f"{quote(name)} is not a name", f"{where}, {key}", "write names in quotes")
     return tuple(names)
 
 
@@ -159,7 +159,7 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
     joint = joints[list(tables).index(name)]
     parent, child = (_entry(table, side, str, where) for side in _SIDES)
     if kind == "weld":
-        frames = [_read_frame(required(table, f"{side}_frame", where), where) for side in _SIDES]
+        frames = [_read_frame(require(table, f"{side}_frame", where), where) for side in _SIDES]
         none = np.zeros((0, 3))
         return Closure(name, kind, parent, child, none, none, frames[0], frames[1]).facing(joint)
     lists = [_entry(table, f"{side}_points", list, where) for side in _SIDES]
@@ -175,7 +175,7 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
 
 def _read_frame(table: Any, where: str) -> Frame:
     check_keys(table, ("position", "rotation"), where)
-    position, rotation = (required(table, key, where) for key in ("position", "rotation"))
+    position, rotation = (require(table, key, where) for key in ("position", "rotation"))
     return Frame(vector(position, where), rotation_matrix(rotation, where))
 
 

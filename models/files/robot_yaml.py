@@ -17,7 +17,7 @@ from screwgauge.models.files.loops import motors, place_in
 from screwgauge.models.layout import lay_out
 from screwgauge.models.readings.assemble import retype
 from screwgauge.models.readings.reading import ClosureReading, Reading
-from screwgauge.reference.errors import ModelFileError, UnknownNameError, shown
+from screwgauge.reference.errors import ModelFileError, UnknownNameError, quote
 from screwgauge.reference.files import check_count, read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -116,7 +116,7 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
 
     where, text = str(path), read_file(path)
     check_count(len(text), "characters of YAML", where)  # PyYAML takes seconds to parse that many
-    check_count(_nesting(text), "nested brackets", where)  # and minutes for thousands of nested brackets
+    check_count(_nesting_depth(text), "nested brackets", where)  # and minutes for thousands of nested brackets
     try:
         data = _Composer(yaml.parse(text, Loader=yaml.SafeLoader), where).document()
     except (yaml.YAMLError, ValueError) as error:
@@ -126,7 +126,7 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
     return data
 
 
-def _nesting(text: str) -> int:
+def _nesting_depth(text: str) -> int:
     """Return the maximum nesting depth of brackets in a text."""
     steps = [1 if c in "[{" else -1 for c in text if c in "[]{}"]
     return max(accumulate(steps), default=0)
@@ -198,9 +198,9 @@ class _Composer:
             if name == "<<":
                 raise self.refusal(key, "the merge <<", "write out the entries")
             if not isinstance(name, str):
-                raise self.refusal(key, f"{shown(name)} as a key", "use a string as the key")
+                raise self.refusal(key, f"{quote(name)} as a key", "use a string as the key")
             if name in entries:
-                raise self.refusal(key, f"the key {shown(name)} twice", "remove one")
+                raise self.refusal(key, f"the key {quote(name)} twice", "remove one")
             entries[name] = self.value(next(self.events), depth + 1)
         return entries
 

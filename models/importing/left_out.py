@@ -73,22 +73,22 @@ def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
     """
     where = str(source.path)
     if source.form != "mjcf":
-        return _everything(reading, None, where)
+        return _all_forces(reading, None, where)
     try:
         own = reading if reading.library == "mujoco" else read_source(source, "mujoco")
     except ModelFileError:  # a different library read the file; only its reading is available
-        return _everything(reading, None, where)
+        return _all_forces(reading, None, where)
     check_whole(own, source)
     with collect_phrases():
-        return _everything(replace(reading, joints=own.joints), load_mujoco(source), where)
+        return _all_forces(replace(reading, joints=own.joints), load_mujoco(source), where)
 
 
 def left_out_of_model(reading: Reading, where: str) -> tuple[LeftOut, ...]:
     """Return the forces of a model without a file that do not stem from rigid bodies, closures and gravity."""
-    return _everything(reading, None, where)
+    return _all_forces(reading, None, where)
 
 
-def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
+def _all_forces(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
     """Return all omitted forces, named as in the file.
 
     Args:

@@ -49,7 +49,7 @@ def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     out = [f"# {line}" for remark in remarks for line in wrap(remark, 116)]
     head = {"name": mechanism.name, "title": mechanism.title, "source": mechanism.source, "group": mechanism.group}
     out += lines(
-        {name: value for name, value in {**head, "allow": tuple(sorted(_allowed(mechanism)))}.items() if value}
+        {name: value for name, value in {**head, "allow": tuple(sorted(_entries(mechanism)))}.items() if value}
     )
     parts = [(f"[bodies.{key(body.name)}]", body_entries(body)) for body in mechanism.bodies]
     parts += [(f"[joints.{key(joint.name)}]", joint_entries(joint)) for joint in mechanism.joints]
@@ -352,13 +352,13 @@ def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = Fal
         floating: Give a URDF a floating base.
     """
     digests, allowed, made = _imported.get((path, floating), ({}, frozenset(), None))
-    if made is None or digests != _digests([*digests], path) or not {*allow} <= allowed | _allowed(made[1].mechanism):
+    if made is None or digests != _digests([*digests], path) or not {*allow} <= allowed | _entries(made[1].mechanism):
         options = Options(floating=floating, allow=allow)
         made = keep(path, import_model(path, options), allow, floating=floating)
     return made
 
 
-def _allowed(mechanism: Mechanism) -> set[str]:
+def _entries(mechanism: Mechanism) -> set[str]:
     """Return the entries of ``allow`` that a mechanism requires."""
     return {f"{body.name}.{TRIANGLE}" for body in mechanism.bodies if body.allowed}
 

@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.pinocchio import elementary, joint_reading, placements, start
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
-from screwgauge.reference.errors import DescriptionError, ModelFileError, shown
+from screwgauge.reference.errors import DescriptionError, ModelFileError, quote
 from screwgauge.reference.rotations import Array
 
 #: Constraint class, or, before Pinocchio 4, type of the only constraint class -> kind of closure.
@@ -37,7 +37,7 @@ def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: s
     import pinocchio
 
     if not isinstance(model, pinocchio.Model):
-        raise DescriptionError(f"{shown(model)} is not a pinocchio.Model", where, "pass a pinocchio.Model")
+        raise DescriptionError(f"{quote(model)} is not a pinocchio.Model", where, "pass a pinocchio.Model")
     home = start(model) if q is None else np.asarray(q, dtype=float)
     if home.shape != (model.nq,) or not np.isfinite(home).all():
         raise DescriptionError(f"q must be {model.nq} finite numbers", where, "pass a configuration of the model")
@@ -75,7 +75,7 @@ def _closure(one: Any, reading: Reading, names: dict[int, str], where: str) -> C
     kind = _CLOSURES.get(type(one).__name__) or _CLOSURES.get(getattr(getattr(one, "type", None), "name", ""))
     if kind is None:
         remedy = "use points or frames that coincide (CONTACT_3D, CONTACT_6D, PointAnchor, FrameAnchor)"
-        raise ModelFileError(f"constraint {shown(one)} is not a supported loop closure", where, remedy)
+        raise ModelFileError(f"constraint {quote(one)} is not a supported loop closure", where, remedy)
     ends = []
     for joint, placement in ((one.joint1_id, one.joint1_placement), (one.joint2_id, one.joint2_placement)):
         body, T = reading.end_on(names[joint] if joint else "")

@@ -81,7 +81,7 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
         name=frames.alone.removesuffix(OF) or name,
         gravity=None if world is None else frames.vector(world, "gravity", _GRAVITY, 3),
         content=(
-            *_beside(root, world),
+            *_other_models(root, world),
             *_unread(joints),
             *(force_limits(*each) for one in joints.values() for each in one.efforts()),
         ),
@@ -94,7 +94,7 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
     return reading
 
 
-def _beside(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
+def _other_models(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
     """Yield worlds and models that are not part of the first world."""
     others = [e for e in root if e.tag in ("world", "model")] if world is not None else []
     return (

@@ -98,7 +98,7 @@ def read_usd(path: Path, name: str) -> Reading:
         actuators={n: ActuatorReading(n) for one in joints for n, _ in one.drives()} | _actuators(every, paths),
         gravity=read.gravity(next((prim for prim in every if prim.IsA(UsdPhysics.Scene)), None)),
         content=(*read.content, *(each for one in joints for each in one.content())),
-        remarks=(*_apart({n: gap for n, (_, gap) in placed.items()}), *serial),
+        remarks=(*_gap_messages({n: gap for n, (_, gap) in placed.items()}), *serial),
     )
 
 
@@ -113,7 +113,7 @@ def _actuators(prims: Iterable[Any], joints: Mapping[Any, _Joint]) -> dict[str, 
     return dict(zip(names_of([*driven]), driven.values(), strict=True))
 
 
-def _apart(gaps: Mapping[str, float]) -> Iterator[str]:
+def _gap_messages(gaps: Mapping[str, float]) -> Iterator[str]:
     """Yield messages about joints whose two frames do not coincide."""
     small = {name: gap for name, gap in gaps.items() if 0.0 < gap <= ROUNDING}
     if (most := max(small.values(), default=0.0)) > ROUNDING**2:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.equations.joint_types import Value, placed, unplaced
+from screwgauge.reference.equations.joint_types import Value, locate, locate_body
 from screwgauge.reference.equations.kinematics import Coordinates, coordinates, joint_screws, joint_values, zeros
 from screwgauge.reference.equations.ops import NUMPY, Ops
 from screwgauge.reference.equations.screws import Array, dot, times, transpose
@@ -80,12 +80,12 @@ def _coordinates(lay: Layout, driver: Joint, legs: list[list[Joint]], y: Array, 
     at = coordinates(q, ops)
     values = joint_values(driver.freedoms, lay.columns[driver.name], at)
     eye, origin = zeros(y, 3, 3) + np.eye(3), zeros(y, 3)
-    _, R, p = joint_screws(driver, *placed(eye, origin, driver.parent_frame), values)
-    platform = unplaced(R, p, driver.child_frame)
+    _, R, p = joint_screws(driver, *locate(eye, origin, driver.parent_frame), values)
+    platform = locate_body(R, p, driver.child_frame)
     for base, slide, wrist in legs:
         for c, (value, cosine) in zip(
             (*lay.columns[base.name], *lay.columns[slide.name]),
-            _leg(base, placed(*platform, wrist.child_frame)[1], ops),
+            _leg(base, locate(*platform, wrist.child_frame)[1], ops),
             strict=True,
         ):
             q[..., c] = value if cosine is None else ops.atan2(value, cosine)

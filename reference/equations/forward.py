@@ -326,7 +326,7 @@ class NewtonEuler:
 
     @cached_property
     def _inverted(self) -> tuple[Array, Array]:
-        return linear.inverted(self.scaled(self.c))
+        return linear.invert(self.scaled(self.c))
 
     @property
     def condition(self) -> Array:

@@ -76,12 +76,12 @@ def is_identity(frame: Frame) -> bool:
     return frame.is_identity
 
 
-def placed(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
+def locate(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
     """Return the pose of a body-fixed frame."""
     return (R, p) if is_identity(frame) else (R @ frame.R, p + times(R, frame.p))
 
 
-def unplaced(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
+def locate_body(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
     """Return the pose of a body, given the pose of a frame fixed to it."""
     if is_identity(frame):
         return R, p

@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from screwgauge.reference.equations.joint_types import JointPose, Value, placed
+from screwgauge.reference.equations.joint_types import JointPose, Value, locate
 from screwgauge.reference.equations.ops import NUMPY, Ops
 from screwgauge.reference.equations.screws import lie_bracket, rotation, scale, times, transpose, unit_screws
 from screwgauge.reference.graph import Edge, Layout
@@ -92,7 +92,7 @@ def walk(lay: Layout) -> list[Step]:
 def _step(lay: Layout, edge: Edge) -> Step:
     index, joint = lay.mechanism.body_index, edge.joint
     (_, near), (_, far) = joint.sides[::-1] if edge.reverse else joint.sides
-    start, end, sign = fixed(near, leave=False), fixed(far, leave=True), -1.0 if edge.reverse else 1.0
+    start, end, sign = transition(near, leave=False), transition(far, leave=True), -1.0 if edge.reverse else 1.0
     return Step(edge, index[edge.near], index[edge.far], lay.columns[joint.name], sign, start, end)
 
 
@@ -107,7 +107,7 @@ def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value
 
 
 @lru_cache(maxsize=4096)
-def fixed(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
+def transition(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
     """Return the transition between a body and a frame fixed in the body; empty if they coincide."""
     R, p = (frame.R.T, -frame.p) if leave else (frame.R, frame.p)
     turn = () if np.array_equal(R, np.eye(3)) else (Crossing(R),)
@@ -164,7 +164,7 @@ class TreePose:
         """Return the frames of a joint on its two bodies."""
         index = self.lay.mechanism.body_index
         sides = [
-            placed(self.R[..., index[body], :, :], self.p[..., index[body], :], frame) for body, frame in joint.sides
+            locate(self.R[..., index[body], :, :], self.p[..., index[body], :], frame) for body, frame in joint.sides
         ]
         return JointPose(joint, *sides[0], *sides[1])
 

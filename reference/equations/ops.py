@@ -102,7 +102,7 @@ class Dense:
 
     @cached_property
     def _inverted(self) -> tuple[Array, Array]:
-        return linear.inverted(self.A[..., : self.moving])
+        return linear.invert(self.A[..., : self.moving])
 
     @property
     def inverse(self) -> Array:
@@ -116,7 +116,7 @@ class Dense:
 
     @cached_property
     def _whole(self) -> tuple[Array, Array]:
-        return self._inverted if self.moving == len(self.size) else linear.inverted(self.A)
+        return self._inverted if self.moving == len(self.size) else linear.invert(self.A)
 
     @property
     def whole(self) -> Array:

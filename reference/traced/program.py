@@ -90,7 +90,7 @@ def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequ
     return Program(inputs, tuple(code), tuple(operand(x) for x in outputs), checks)
 
 
-def only(program: Program, outputs: Sequence[int]) -> Program:
+def reduce_program(program: Program, outputs: Sequence[int]) -> Program:
     """Reduce a program to the given outputs, of which the checks come last."""
     kept = [program.outputs[i] for i in outputs]
     needed = {x for x in kept if isinstance(x, int)}

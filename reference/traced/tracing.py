@@ -94,7 +94,7 @@ class TracedQuantities:
     resting: tuple[int, ...] = ()
 
 
-def traced(
+def trace_dynamics(
     loops: Loops,
     applied: Applied,
     wanted: TracedQuantities,
@@ -142,7 +142,7 @@ def _trace(
     timed = not all(motor.course.constant for motor in applied.motors)
     t = trace.input(np.zeros(len(samples[0]))) if timed else 0.0
     if wanted.loaded:
-        loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
+        loads = tuple(_input_load(trace, load, len(samples[0])) for load in applied.loads)
         applied = replace(applied, loads=loads)
     motion = Response(loops, at, yd, ydd, folds, TRACE, applied)
     motion.near, motion.t, motion.axial, motion.points = near, t, wanted.axial, wanted.points
@@ -199,7 +199,7 @@ def _close(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[flo
     return coordinates(q, TRACE)
 
 
-def _given(trace: Trace, load: Load, n: int) -> Load:
+def _input_load(trace: Trace, load: Load, n: int) -> Load:
     """Turn a load's force and torque into inputs."""
     force, torque = (
         np.array([trace.input(np.full(n, x)) for x in np.ravel(vector)], dtype=object)

@@ -69,7 +69,7 @@ class Case:
         return self.at.virtual_power(at_origin.along_tree(self.at, need)[:, self.at.loops.columns])
 
     def driving(self, need: Array) -> Array:
-        return (self.generalized(need)[:, None] @ linear.inverted(self.B)[0])[:, 0]
+        return (self.generalized(need)[:, None] @ linear.invert(self.B)[0])[:, 0]
 
 
 def every(step: float) -> Array:

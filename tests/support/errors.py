@@ -11,5 +11,5 @@ from screwgauge.reference.errors import (
     SingularPoseError,
     UnknownNameError,
     printable,
-    shown,
+    quote,
 )

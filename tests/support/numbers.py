@@ -24,7 +24,7 @@ from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE, Ops, Sparse, vectorize
 from screwgauge.reference.graph import Layout, coupled_joints, layout, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.precision import in_precision, rounded
+from screwgauge.reference.precision import in_precision, round_to
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Lanes, Program, program
 from screwgauge.reference.traced.trace import OPERATIONS, Trace
@@ -223,8 +223,8 @@ def in_floats(at: State, dtype: Any, of: type[Dynamics] = Dynamics, steps: int |
 
 
 def _in_precision(applied: Applied, dtype: Any) -> Applied:
-    each = {name: tuple(rounded(x, dtype) for x in getattr(applied, name)) for name in ("loads", "springs", "motors")}
-    return replace(rounded(applied, dtype), **each)
+    each = {name: tuple(round_to(x, dtype) for x in getattr(applied, name)) for name in ("loads", "springs", "motors")}
+    return replace(round_to(applied, dtype), **each)
 
 
 def in_balls(at: State, of: type[Dynamics] = Dynamics) -> dict[str, Array]:

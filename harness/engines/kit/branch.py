@@ -18,7 +18,7 @@ from screwgauge.problem import GivenMotion, Rows
 from screwgauge.quantities import described, length
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.linear import inverted, norms
+from screwgauge.reference.linear import invert, norms
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
@@ -86,7 +86,7 @@ class Branch:
         """
         A, missed = self._matrix(q, y)
         with np.errstate(all="ignore"):
-            inverse, condition = inverted(A)
+            inverse, condition = invert(A)
         return inverse * self._sizes[:, None] / self._units, condition, missed
 
     def solve_part(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> SolvedPart:
@@ -102,7 +102,7 @@ class Branch:
             q = self.follow(motion)
         values, conditions = solve(q, motion, applied)
         A, _ = self._matrix(q, motion.y)
-        _, condition = inverted(A)
+        _, condition = invert(A)
         trust = Trust(condition, condition / norms(A), np.ones(len(q)), conditions)
 
         def solve_perturbed(rows: Rows, shake: Array) -> dict[str, Array]:

@@ -73,7 +73,7 @@ class ClosedMotion:
 
     @cached_property
     def _inverted(self) -> tuple[Array, Array]:
-        inverse, condition = linear.inverted_along(self.system)
+        inverse, condition = linear.invert_along(self.system)
         return inverse * self.units[:, None] / self.rows, condition
 
     @property

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.reference.equations.joint_types import SURE, JointPose, dual_wrenches, placed, read_coordinates
+from screwgauge.reference.equations.joint_types import SURE, JointPose, dual_wrenches, locate, read_coordinates
 from screwgauge.reference.equations.kinematics import coordinates, joint_bias, joint_screws, joint_values, pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.screws import powers
@@ -64,7 +64,7 @@ def absolute_poses(x: Array) -> tuple[Array, Array, Array]:
 def joint_frames(mechanism: Mechanism, joint: Joint, R: Array, p: Array) -> JointPose:
     """Return a joint's frames on its parent and child, in world coordinates, at given body poses."""
     sides = [(mechanism.body_index[body], frame) for body, frame in joint.sides]
-    (before, after) = (placed(R[:, i], p[:, i], frame) for i, frame in sides)
+    (before, after) = (locate(R[:, i], p[:, i], frame) for i, frame in sides)
     return JointPose(joint, *before, *after)
 
 

@@ -23,7 +23,7 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
         Actuator forces, shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
     """
     given = given_columns(B.shape[2], idle)
-    back, condition = linear.inverted(B[..., given])
+    back, condition = linear.invert(B[..., given])
     return (Q[:, None, given] @ back)[:, 0], condition
 
 
@@ -45,11 +45,11 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
     given, m = given_columns(B.shape[2], idle), len(idle)
     N = np.zeros((*B.shape[:1], B.shape[2], m))
     N[:, idle] = np.eye(m)
-    N[:, given] = -linear.inverted(B[..., given])[0] @ B[..., idle]
+    N[:, given] = -linear.invert(B[..., given])[0] @ B[..., idle]
     back = N.swapaxes(1, 2)
     A = back @ M
     size = np.sqrt(np.abs(np.diagonal(A, axis1=1, axis2=2)))  # coordinates may be in rad and m
-    inverse, condition = linear.inverted(A / (size[:, :, None] * size[:, None, :]))
+    inverse, condition = linear.invert(A / (size[:, :, None] * size[:, None, :]))
     forces = (back @ Q[..., None]) / size[..., None]
     return -(inverse @ forces)[..., 0] / size, condition
 

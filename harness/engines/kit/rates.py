@@ -38,5 +38,5 @@ def per_actuator(
     for one in points:
         T, arm = twists[:, index[one.body]].swapaxes(1, 2), times(R[:, index[one.body]], one.place)
         rows.append((T[..., 3:] + cross(T[..., :3], np.broadcast_to(arm[:, None], T[..., 3:].shape))).swapaxes(1, 2))
-    back, condition = linear.inverted(B)
+    back, condition = linear.invert(B)
     return (np.concatenate(rows, axis=1) @ back).reshape(n, -1), condition

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.problem import Rows
-from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, quote
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import columns
 
@@ -44,7 +44,7 @@ class Buffers(Mapping[str, Array]):
         """
         if not isinstance(n, Integral) or not 0 <= n <= MOST:
             raise DescriptionError(
-                f"the number of samples is {shown(n)}", "buffers", f"use an integer from 0 to {MOST}"
+                f"the number of samples is {quote(n)}", "buffers", f"use an integer from 0 to {MOST}"
             )
         if not isinstance(given, Mapping):
             raise DescriptionError(

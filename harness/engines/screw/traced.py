@@ -34,7 +34,7 @@ from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array, nearest_angles
 from screwgauge.reference.traced.program import columns
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar
-from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced, TracedQuantities, traced
+from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced, TracedQuantities, trace_dynamics
 from screwgauge.solution import Solution
 
 #: Samples of the motion at which pivots are chosen.
@@ -104,7 +104,7 @@ class TracedWork:
             wanted = TracedQuantities(self.wanted, axial, shares, tree, loaded, points, *left)
             samples = (some.y, some.yd, some.ydd, q)
             applied = self.problem.applied if self.varying is None else self.varying.at(some.t[:1])
-            self.traced = traced(self.work.loops, applied, wanted, samples, self._error_outputs)
+            self.traced = trace_dynamics(self.work.loops, applied, wanted, samples, self._error_outputs)
         with self.clock.stage("compiling"):
             self.runner, self.note = runner_of(self.traced, backend, np.dtype(self.kind.name))
         #: Signs of the cosines of middle angles of cut joints, in the program.

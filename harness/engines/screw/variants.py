@@ -22,7 +22,7 @@ from screwgauge.engines.screw.programs import runner
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_choice
 from screwgauge.reference.graph import layout
-from screwgauge.reference.parameters import chosen, inertial, numbers
+from screwgauge.reference.parameters import inertial, numbers, resolve
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.parametric import CHECKS, ClosedSamples, Symbols, gradient
 from screwgauge.scene.scene import Scene
@@ -121,7 +121,7 @@ class Variants:
         """
         self.scene, self.quantities, self.backend = scene, tuple(quantities), backend
         known = numbers(scene.mechanism, scene.applied)
-        names = chosen(known, check_choice_of_text(parameters), "compile, parameters")
+        names = resolve(known, check_choice_of_text(parameters), "compile, parameters")
         self._known = {name: known[name] for name in names}
         self.names, self.nominal = tuple(names), np.array([*self._known.values()])
         self._machine = NominalMachine(scene, self.quantities)
@@ -239,7 +239,7 @@ class Variants:
         p = np.repeat(self.nominal[:, None], counts.pop(), axis=1)
         for pattern, x in given.items():
             check_finite(np.atleast_1d(x)[:, None], f"parameters, {pattern}")
-            for name in chosen(self._known, [pattern], "parameters"):
+            for name in resolve(self._known, [pattern], "parameters"):
                 p[self.names.index(name)] = x
         return p
 

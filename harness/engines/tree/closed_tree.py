@@ -16,7 +16,7 @@ from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.layout import Closure
 from screwgauge.reference.applied import Load
 from screwgauge.reference.couplings import CouplingRows, bind
-from screwgauge.reference.equations.joint_types import JointPose, placed
+from screwgauge.reference.equations.joint_types import JointPose, locate
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.linear import blocks
 from screwgauge.reference.mechanism import GROUND, KINDS, POINTS, Joint, actuator_names, driven_coordinates
@@ -381,8 +381,8 @@ class ClosedTree:
     def joint_pose(self, joint: Joint, at: BodyPoses) -> JointPose:
         """Return the world frames of a joint on its two bodies."""
         parent, child = self.loops.sides(joint)
-        before = placed(at.R[:, parent], at.p[:, parent], joint.parent_frame)
-        return JointPose(joint, *before, *placed(at.R[:, child], at.p[:, child], joint.child_frame))
+        before = locate(at.R[:, parent], at.p[:, parent], joint.parent_frame)
+        return JointPose(joint, *before, *locate(at.R[:, child], at.p[:, child], joint.child_frame))
 
 
 def close_tree(tree: OpenTree, file: LoopsFile) -> ClosedTree:

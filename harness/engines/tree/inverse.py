@@ -175,7 +175,7 @@ class _Pass:
         """Return the requested values and their error data."""
         depth, A = self.work.depth, self.A
         with self.clock.stage("condition"):
-            self.inverse, self.condition = linear.inverted_along(A)
+            self.inverse, self.condition = linear.invert_along(A)
         if depth in "vaf":
             with self.clock.stage("velocities"):
                 self._velocities()

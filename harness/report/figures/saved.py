@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from textwrap import wrap
 
-from screwgauge.reference.errors import DescriptionError, ReportError, shown
+from screwgauge.reference.errors import DescriptionError, ReportError, quote
 from screwgauge.reference.outputs import check_free, save_file
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.chart import GAP, Spec, still_parts
@@ -95,7 +95,7 @@ def points_of_width(width: str) -> float:
     found = re.fullmatch(r" *(\d+(?:\.\d*)?) *(pt|in|cm|mm) *", width) if isinstance(width, str) else None
     points = float(found[1]) * POINTS[found[2]] if found else 0.0
     if not 50.0 <= points <= 3000.0:
-        raise DescriptionError(f"{shown(width)} is not a width for a figure", "figure", 'use cm, mm, in or pt: "8.5cm"')
+        raise DescriptionError(f"{quote(width)} is not a width for a figure", "figure", 'use cm, mm, in or pt: "8.5cm"')
     return points
 
 
@@ -118,7 +118,7 @@ def _with_fallbacks(font: str) -> str:
     )
     if not name or b"/BaseFont" not in bytes(RENDERER.ask("svg_to_pdf", probe)):
         raise DescriptionError(
-            f"font {shown(font)} is not installed", "figure", f"choose an installed font, or {' or '.join(ALIKE)}"
+            f"font {quote(font)} is not installed", "figure", f"choose an installed font, or {' or '.join(ALIKE)}"
         )
     return font
 

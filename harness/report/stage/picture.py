@@ -29,7 +29,7 @@ from screwgauge.reference.equations.kinematics import length
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.reciprocal import Held, ScrewElement, held, idle_forces, normal_of_plane
+from screwgauge.reference.reciprocal import Held, ScrewElement, idle_forces, normal_of_plane, supports
 from screwgauge.reference.rigid import without_fixed_joints
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Picture, Text
@@ -103,7 +103,7 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
     middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns
     keys, shown, solids = spread(len(motion.t), HELD), arrows(motion), shapes(mechanism)
     q = motion.q[:, mechanism.columns(mechanism.moving)]
-    holding = held(layout(without_fixed_joints(mechanism)), q[keys])
+    holding = supports(layout(without_fixed_joints(mechanism)), q[keys])
     longest, scales = dict[tuple[str, bool], float](), dict[str, str]()
     for one in shown:
         most, which = float(np.linalg.norm(one.vectors, axis=1).max()), (one.group, one.turns)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.equations.joint_types import placed, unplaced
+from screwgauge.reference.equations.joint_types import locate, locate_body
 from screwgauge.reference.equations.kinematics import gaps, pose
 from screwgauge.reference.equations.screws import lie_bracket
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
@@ -147,9 +147,9 @@ _NOTHING: _Freedom = (0, False, False, np.zeros(3), *_REST)
 def _freedoms(lay: Layout, chain: tuple[Edge, ...]) -> Iterator[_Freedom]:
     """Yield (column, used, turns, axis, rotation after it, displacement after it) for each degree of freedom."""
     for edge, following in zip(chain, [*chain[1:], None], strict=True):
-        after = unplaced(*_REST, edge.joint.child_frame)
+        after = locate_body(*_REST, edge.joint.child_frame)
         if following is not None:
-            after = placed(*after, following.joint.parent_frame)
+            after = locate(*after, following.joint.parent_frame)
         steps = [_REST] * (len(edge.joint.freedoms) - 1) + [after]
         for column, freedom, step in zip(lay.columns[edge.joint.name], edge.joint.freedoms, steps, strict=True):
             yield column, True, *freedom, *step

@@ -26,7 +26,7 @@ from screwgauge.reference.equations.dynamics import QUANTITIES
 from screwgauge.reference.equations.kinematics import gaps, twists
 from screwgauge.reference.errors import ClosureError, DescriptionError
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.precision import in_precision, rounded
+from screwgauge.reference.precision import in_precision, round_to
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
 from screwgauge.study.bench.scheme import integrate
@@ -106,7 +106,7 @@ def closed_form(lay: Layout, problem: Problem, *, mended: bool = False) -> Array
     Raises:
         ClosureError: The mechanism has no closed form.
     """
-    motion = rounded(given_motion(problem), lay.path.dtype)
+    motion = round_to(given_motion(problem), lay.path.dtype)
     q = closed_form_positions(lay, motion.y)
     if q is None:
         raise ClosureError("no closed form", "this mechanism", "use a mechanism whose chains are all U-P-U or U-P-S")
@@ -191,7 +191,7 @@ def _wanted_values(lay: Layout, problem: Problem, motion: GivenMotion, q: Array)
         TypeError: An operation changed the precision.
     """
     given, wanted = problem.applied, problem.wanted
-    applied = Applied(given.g.astype(q.dtype), tuple(rounded(load, q.dtype) for load in given.loads))
+    applied = Applied(given.g.astype(q.dtype), tuple(round_to(load, q.dtype) for load in given.loads))
     at = motion_at(lay, q, motion.yd, motion.ydd, applied)
     out = {name: q if name == "joint_position" else np.array(QUANTITIES[name](at)) for name in wanted}
     if any(array.dtype != lay.path.dtype for array in out.values()):

@@ -12,9 +12,9 @@ from typing import Any
 from screwgauge.environment import environment, json_text
 from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, digits
-from screwgauge.reference.errors import DescriptionError, OutputError, shown
+from screwgauge.reference.errors import DescriptionError, OutputError, quote
 from screwgauge.reference.files import read_json
-from screwgauge.reference.outputs import check_place, overwriting, replace_file
+from screwgauge.reference.outputs import check_place, force_hint, replace_file
 from screwgauge.study.gate.items import GateRow
 from screwgauge.study.store import is_record
 
@@ -120,7 +120,7 @@ def check_baseline(file: Path, *, force: bool = False) -> None:
     except DescriptionError:
         sound = False
     if not sound:
-        raise OutputError("already exists and is not a baseline", str(file), f"choose another file, or {overwriting()}")
+        raise OutputError("already exists and is not a baseline", str(file), f"choose another file, or {force_hint()}")
 
 
 def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     """
     known = read_json(file, "baseline", UPDATE)
     if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != SCHEMA:
-        raise DescriptionError(f"has schema {shown(known['schema'])}, not {SCHEMA}", str(file), UPDATE)
+        raise DescriptionError(f"has schema {quote(known['schema'])}, not {SCHEMA}", str(file), UPDATE)
     if not _is_baseline(known):
         raise DescriptionError("is not a baseline", str(file), UPDATE)
     before = known["scenes"]

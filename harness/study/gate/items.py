@@ -11,7 +11,7 @@ from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.files.loops import OWN as LOOPS
 from screwgauge.models.importing import SUFFIXES, is_model
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, quote
 from screwgauge.reference.files import A_PATH, is_file, is_path, why
 from screwgauge.reference.tables import check_keys, positive, read_toml
 from screwgauge.scene.default import SUFFIX
@@ -47,7 +47,7 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     what = [*what]
     for each in what:
         if not isinstance(each, str | Path) or each == "":  # an empty path would mean the current folder
-            raise DescriptionError(f"{shown(each)} is not a name or path", "check", "pass scenes, files or folders")
+            raise DescriptionError(f"{quote(each)} is not a name or path", "check", "pass scenes, files or folders")
     given = [*map(str, what)] or scene_names()
     models = [name for name in given if is_model(name)]
     if len(models) > 1 and len(models) % 2:

@@ -14,7 +14,7 @@ from screwgauge.quantities import described
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations.forward import preload_space
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
-from screwgauge.reference.parameters import chosen, numbers, resisting_joint
+from screwgauge.reference.parameters import numbers, resisting_joint, resolve
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.parametric import ClosedSamples
 from screwgauge.scene.default import exciting
@@ -139,7 +139,7 @@ def unknown(scene: Scene, patterns: Sequence[str]) -> list[str]:
     driven = {joint.name for joint in mechanism.actuators}
     if not patterns:
         return [name for name in known if name in of_body or resisting_joint(name) in driven]
-    names = chosen(known, patterns, "identify, numbers")
+    names = resolve(known, patterns, "identify, numbers")
     if other := [name for name in names if not (name in of_body or resisting_joint(name))]:
         what = f"'{other[0]}' belongs neither to a body with mass nor to a rotor, damping or friction"
         raise DescriptionError(what, "identify, numbers", "omit it: forces are not linear in it")

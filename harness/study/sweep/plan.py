@@ -13,12 +13,12 @@ import numpy as np
 from screwgauge.engines.screw.matter import ENTRIES
 from screwgauge.engines.screw.variants import STATISTICS
 from screwgauge.quantities import OF_MOTION, check_quantities
-from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice, first_few, shown
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice, first_few, quote
 from screwgauge.reference.expressions import number
 from screwgauge.reference.files import is_path, named_file
-from screwgauge.reference.parameters import chosen, numbers
+from screwgauge.reference.parameters import numbers, resolve
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, read_text, read_toml, required
+from screwgauge.reference.tables import check_keys, check_name, read_text, read_toml, require
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 
@@ -146,7 +146,7 @@ def _whole(data: Mapping[str, Any], key: str, usual: int, least: int, where: str
     count = value if isinstance(value, int) and not isinstance(value, bool) else number(value, f"{where}, {key}")
     if count != int(count) or not least <= count <= MOST:
         raise DescriptionError(
-            f"{shown(value)} is not a valid count", f"{where}, {key}", f"use a whole number of at least {least}"
+            f"{quote(value)} is not a valid count", f"{where}, {key}", f"use a whole number of at least {least}"
         )
     return int(count)
 
@@ -163,7 +163,7 @@ def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> l
         bodies = _bodies(pattern, known, where)
         return [Scatter(name, kind, _share(size, where), 0.0) for name in bodies]
     found = [
-        Scatter(name, kind, _size(size, known[name], where), known[name]) for name in chosen(known, [pattern], where)
+        Scatter(name, kind, _size(size, known[name], where), known[name]) for name in resolve(known, [pattern], where)
     ]
     if still := [one.name for one in found if not one.size]:
         what = f"{first_few(still, 3)} cannot scatter by a percentage, because the nominal value is zero"
@@ -175,7 +175,7 @@ def _bodies(pattern: str, known: Mapping[str, float], where: str) -> list[str]:
     """Return the bodies with mass that match a pattern ``bodies.NAME`` or ``NAME``."""
     masses = {name: value for name, value in known.items() if name.endswith(".mass") and value}
     try:
-        return [name.removesuffix(".mass") for name in chosen(masses, [f"{pattern}.mass"], where)]
+        return [name.removesuffix(".mass") for name in resolve(masses, [f"{pattern}.mass"], where)]
     except UnknownNameError:
         raise UnknownNameError("body with mass", pattern, (n.removesuffix(".mass") for n in masses), where) from None
 
@@ -185,7 +185,7 @@ def _share(value: Any, where: str) -> float:
     match = re.fullmatch(r"\s*(.+?)\s*%\s*", value) if isinstance(value, str) else None
     share = number(match[1], where) / 100.0 if match else number(value, where)
     if not share > 0.0:
-        raise DescriptionError(f"{shown(value)} is not a valid scatter", where, 'use a positive number, or "1 %"')
+        raise DescriptionError(f"{quote(value)} is not a valid scatter", where, 'use a positive number, or "1 %"')
     return share
 
 
@@ -204,12 +204,12 @@ def _grid(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list
         listed = table["values"]
         if not isinstance(listed, list) or not listed or len(table) > 1:
             raise DescriptionError(
-                f"{shown(listed)} is not a valid list of values",
+                f"{quote(listed)} is not a valid list of values",
                 where,
                 "use a non-empty list, and no other key",
             )
         values = np.array([number(x, where) for x in listed])
     else:
-        first, last = (number(required(table, key, where), f"{where}.{key}") for key in ("from", "to"))
+        first, last = (number(require(table, key, where), f"{where}.{key}") for key in ("from", "to"))
         values = np.linspace(first, last, _whole(table, "count", 2, 2, where))
-    return [(name, values) for name in chosen(known, [pattern], where)]
+    return [(name, values) for name in resolve(known, [pattern], where)]
