@@ -121,9 +121,9 @@ def _compare_couplings(
         return
     yield _keys("coupling", expected, actual)
     for name, want, written in _common(expected, actual):
-        have = written.solved(want.joint)
+        have = written.solve_for(want.joint)
         yield _names(name, "coupling", *((each.joint, *sorted(each.function.terms)) for each in (want, have)))
-        wanted, other = want.function.beside(have.function)
+        wanted, other = want.function.paired_coefficients(have.function)
         yield _numbers(name, "coupling polynomial", wanted, other, float(np.abs(wanted).max()) or 1.0)
 
 

@@ -83,7 +83,7 @@ class Content:
         """The content and its owner as text."""
         return f"{self.what}{self.whose}"
 
-    def renamed(self, names: Mapping[str, Mapping[str, str]]) -> Content:
+    def rename(self, names: Mapping[str, Mapping[str, str]]) -> Content:
         """Rename the items on which the content acts. `names`: namespace -> name -> new name."""
         of = sorted((room, names.get(room, {}).get(name, name), share) for room, name, share in self.of)
         return replace(self, of=tuple(of))

@@ -262,7 +262,7 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
     if labels := [
         label for label, c in zip(mechanism.independent, mechanism.independent_columns, strict=True) if way[c]
     ]:
-        as_written = mechanism.described(mechanism.home[mechanism.independent_columns])
+        as_written = mechanism.pose_text(mechanism.home[mechanism.independent_columns])
         sentence = (
             f"{sentence}, including {' and '.join(labels)}, because no regular pose within limits closes the loops "
             f"at {as_written}"

@@ -125,7 +125,7 @@ class Closure:
             near, far = (frame if self.type == "weld" else Frame(frame.p) for frame in placed)
             yield (f"{self.joint}@parent{number}", self.parent, near), (f"{self.joint}@child{number}", self.child, far)
 
-    def facing(self, joint: Joint) -> Closure:
+    def orient(self, joint: Joint) -> Closure:
         """Return the closure with its parent on the joint's parent side; for a weld, the original is the parent."""
         copy = f"@{self.joint}"
         if not (self.parent.endswith(copy) if self.type == "weld" else self.parent == joint.child):

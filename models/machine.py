@@ -58,11 +58,11 @@ class Element:
         """Unit vector along the axis of a hinge or slide. Shape (3,)."""
         return self.screw[3:] if self.kind == "slide" else self.screw[:3]
 
-    def reversed(self) -> Element:
+    def reverse(self) -> Element:
         """Return the element seen from its far side."""
         return replace(self, screw=-self.screw, turned=not self.turned)
 
-    def placed(self, T: Array) -> Element:
+    def displace(self, T: Array) -> Element:
         """Displace the element in the world frame by T, shape (4, 4)."""
         R, p = T[:3, :3], T[:3, 3]
         way = R @ self.screw[:3]
@@ -108,30 +108,30 @@ class Link:
         """True if the link consists of joints only."""
         return all(each.joint for each in self.elements)
 
-    def reversed(self) -> Link:
+    def reverse(self) -> Link:
         """Return the link seen from its far body."""
-        link = self if self.step is None else self.placed(self.step)
-        elements = tuple(each.reversed() for each in link.elements[::-1])
+        link = self if self.step is None else self.displace(self.step)
+        elements = tuple(each.reverse() for each in link.elements[::-1])
         back = None if self.step is None else np.asarray(np.linalg.inv(self.step))
         return replace(link, near=self.far, far=self.near, elements=elements, step=back)
 
-    def placed(self, T: Array) -> Link:
+    def displace(self, T: Array) -> Link:
         """Displace the link in the world frame by T, shape (4, 4), keeping `step`."""
         centre = None if self.centre is None else T[:3, :3] @ self.centre + T[:3, 3]
-        return replace(self, elements=tuple(each.placed(T) for each in self.elements), centre=centre)
+        return replace(self, elements=tuple(each.displace(T) for each in self.elements), centre=centre)
 
     def on(self, other: Link) -> Link:
         """Concatenate this link and a link that continues from its far body."""
         steps = [each for each in (other.step, self.step) if each is not None]
-        behind = other if self.step is None else other.placed(np.asarray(np.linalg.inv(self.step)))
+        behind = other if self.step is None else other.displace(np.asarray(np.linalg.inv(self.step)))
         step = np.asarray(np.linalg.multi_dot([*steps, np.eye(4)])) if steps else None
         return Link(self.near, other.far, self.elements + behind.elements, "", step=step)
 
     def of(self, body: str) -> Link:
         """Return the link seen from a body, which must be one of its two bodies."""
-        return self if body == self.near else self.reversed()
+        return self if body == self.near else self.reverse()
 
-    def renamed(self, name: str, other: str) -> Link:
+    def rename_body(self, name: str, other: str) -> Link:
         """Rename one of the two bodies."""
         near, far = (other if end == name else end for end in (self.near, self.far))
         return replace(self, near=near, far=far)
@@ -192,7 +192,7 @@ class Machine:
         for link in self.links:
             around.setdefault(link.near, []).append(link)
             if link.far != link.near:
-                around.setdefault(link.far, []).append(link.reversed())
+                around.setdefault(link.far, []).append(link.reverse())
         return around
 
     def at(self, body: str) -> list[Link]:
@@ -233,7 +233,7 @@ def fuse(machine: Machine, link: Link) -> Machine:
         {**one.frames, **two.frames},
     )
     bodies = {name: body if name == near else each for name, each in machine.bodies.items() if name != far}
-    links = [each.renamed(far, near) for each in machine.links]
+    links = [each.rename_body(far, near) for each in machine.links]
     return replace(machine, bodies=bodies, links=tuple(each for each in links if each.near != each.far))
 
 
@@ -345,7 +345,7 @@ def _merged_link(link: Link, owner: Mapping[str, str], shift: Mapping[str, Array
     if near is far and link.step is None:
         return found
     step = far @ (np.eye(4) if link.step is None else link.step) @ np.linalg.inv(near)
-    return replace(found.placed(near), step=np.asarray(step))
+    return replace(found.displace(near), step=np.asarray(step))
 
 
 def _element(name: str, joint: JointReading) -> Element:
@@ -378,7 +378,7 @@ def contract(machine: Machine, carriers: Iterable[str]) -> Machine:
         held = [link for link in links if link.joins(name)]
         if name == GROUND or len(held) != 2:
             continue
-        one, two = held[0].of(name).reversed(), held[1].of(name)
+        one, two = held[0].of(name).reverse(), held[1].of(name)
         if one.near == two.far or len(one.elements) + len(two.elements) > max(FREEDOMS.values()):
             continue
         links[links.index(held[0])] = one.on(two)

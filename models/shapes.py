@@ -286,12 +286,12 @@ def viewed_from(mechanism: Mechanism) -> Array:
         return planar
     i, j = np.triu_indices(len(points), 1)
 
-    def hidden(direction: Array) -> float:
+    def overlap(direction: Array) -> float:
         seen = points @ view_axes(direction).T
         return float(np.sum(1.0 / (np.sum((seen[i] - seen[j]) ** 2, axis=1) + 1e-3)))
 
     angles = product(np.radians([-55, -70, -40, -25, -110, -125, -140, -155]), np.radians([25, 18, 32]))
-    return min((np.array([np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)]) for a, h in angles), key=hidden)
+    return min((np.array([np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)]) for a, h in angles), key=overlap)
 
 
 def face_on_view(points: Array, axes: Array) -> Array | None:

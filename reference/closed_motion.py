@@ -104,7 +104,7 @@ class ClosedMotion(Forward):
             raise SingularPoseError(
                 "the independent coordinates do not determine the motion there "
                 f"(condition number {self.condition[bad[0]]:.2g})",
-                f"{mechanism.name} at {mechanism.described(self.q[bad[0], mechanism.independent_columns], 9)}",
+                f"{mechanism.name} at {mechanism.pose_text(self.q[bad[0], mechanism.independent_columns], 9)}",
                 "choose other coordinates or step over the pose",
             )
 
@@ -128,7 +128,7 @@ class ClosedMotion(Forward):
             (moved, unmoved),
         ):
             if (bad := np.flatnonzero(~(condition < linear.SINGULAR))).size:
-                where = self.mechanism.described(self.q[bad[0], self.mechanism.independent_columns], 9)
+                where = self.mechanism.pose_text(self.q[bad[0], self.mechanism.independent_columns], 9)
                 remedy = "keep the motion away from that pose"
                 raise SingularPoseError(f"{what} (condition number {condition[bad[0]]:.2g})", where, remedy)
 

@@ -87,7 +87,7 @@ class PolynomialSum:
             terms[name] = np.asarray(polynomial.polysub(p, other.terms.get(name, np.zeros(1))), dtype=float)
         return PolynomialSum(self.constant - other.constant, terms)
 
-    def renamed(self, names: Mapping[str, str]) -> PolynomialSum:
+    def rename(self, names: Mapping[str, str]) -> PolynomialSum:
         """Rename the coordinates; names missing from `names` are kept."""
         return PolynomialSum(self.constant, {names.get(name, name): p for name, p in self.terms.items()})
 
@@ -96,7 +96,7 @@ class PolynomialSum:
         held = PolynomialSum(self.constant, {name: p for name, p in self.terms.items() if name in values})
         return PolynomialSum(held(values), {name: p for name, p in self.terms.items() if name not in values})
 
-    def counted(self, zeros: Mapping[str, float], factors: Mapping[str, float]) -> PolynomialSum:
+    def change_variables(self, zeros: Mapping[str, float], factors: Mapping[str, float]) -> PolynomialSum:
         """Substitute ``q = zero + factor x``; zero and factor default to 0 and 1."""
         terms = dict[str, Array]()
         constant = self.constant
@@ -111,26 +111,26 @@ class PolynomialSum:
         p = self.terms.get(name, np.zeros(1))
         return bool(p[0]) and not p[1:].any()
 
-    def solved(self, coordinate: str, lead: str) -> PolynomialSum:
+    def solve(self, coordinate: str, lead: str) -> PolynomialSum:
         """Solve for `lead`, in which the function is linear; `coordinate` names the value of the function."""
         rest = {name: -p for name, p in self.terms.items() if name != lead}
         return PolynomialSum(-self.constant, {coordinate: np.ones(1), **rest}).times(1.0 / float(self.terms[lead][0]))
 
-    def beside(self, other: PolynomialSum) -> tuple[Array, Array]:
-        """Return the coefficients of two functions of the same coordinates, padded to equal length, see `filled`."""
+    def paired_coefficients(self, other: PolynomialSum) -> tuple[Array, Array]:
+        """Return the coefficients of two functions of the same coordinates, padded to equal length, see `fill`."""
         names, both = list(self.terms), (self, other)
         size = max((len(p) for function in both for p in function.terms.values()), default=0)
         rows = ([np.pad(each.terms[name], (0, size - len(each.terms[name]))) for name in names] for each in both)
         first, second = (np.concatenate([[each.constant], *row]) for each, row in zip(both, rows, strict=True))
         return first, second
 
-    def filled(self, coefficients: Array) -> PolynomialSum:
+    def fill(self, coefficients: Array) -> PolynomialSum:
         """Replace the coefficients: `coefficients` has the constant, then equally many powers of each coordinate."""
         powers = np.split(coefficients[1:], len(self.terms)) if self.terms else []
         return PolynomialSum(float(coefficients[0]), dict(zip(self.terms, powers, strict=True)))
 
     def equals(self, other: PolynomialSum) -> bool:
-        return {*self.terms} == {*other.terms} and np.array_equal(*self.beside(other))
+        return {*self.terms} == {*other.terms} and np.array_equal(*self.paired_coefficients(other))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,11 +160,11 @@ class Coupling:
         if self.coordinate in function.terms:
             raise DescriptionError(f"couples '{self.coordinate}' to itself", where, "choose other coordinates")
 
-    def solved(self, coordinate: str) -> Coupling:
+    def solve_for(self, coordinate: str) -> Coupling:
         """Solve the coupling for a given coordinate; return it unchanged if it is not linear in that coordinate."""
         if not self.function.is_linear_in(coordinate):
             return self
-        return Coupling(self.name, coordinate, self.function.solved(self.coordinate, coordinate), self.where)
+        return Coupling(self.name, coordinate, self.function.solve(self.coordinate, coordinate), self.where)
 
     @property
     def named(self) -> tuple[str, ...]:

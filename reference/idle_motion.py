@@ -344,7 +344,7 @@ class _Integration:
         mechanism = self.motion.mechanism
         labels = [*mechanism.independent]
         names = ", ".join(f"'{labels[i]}'" for i in self.idle)
-        where = mechanism.described(self.start.q[0, mechanism.independent_columns])
+        where = mechanism.pose_text(self.start.q[0, mechanism.independent_columns])
         return SingularPoseError(
             f"the motion of {names}, which no actuator drives, breaks off at {where}: {reason}",
             f"t = {self.begin:g} s",

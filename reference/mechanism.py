@@ -304,7 +304,7 @@ class Mechanism:
         """Joint coordinates at the home pose [rad or m]. Shape (n_q,)."""
         return np.concatenate([joint.home for joint in self.joints])
 
-    def described(self, y: Array, figures: int = 6) -> str:
+    def pose_text(self, y: Array, figures: int = 6) -> str:
         """Format independent coordinates, shape (k,), by name for a message: ``a = 0.1, b = 0.2``."""
         return ", ".join(f"{label} = {value:.{figures}g}" for label, value in zip(self.independent, y, strict=True))
 

@@ -146,7 +146,7 @@ def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Arr
     moved = {name for joint in joints for name in joint.coordinates}
     couplings = tuple(one for one in mechanism.couplings if {*one.named} <= moved)
     few = replace(mechanism, bodies=bodies, joints=tuple(joints), couplings=couplings, independent={}, axial=None)
-    at = loop_equations(layout(few)).closed(q[:, mechanism.columns(few.coordinates)])
+    at = loop_equations(layout(few)).closing_system(q[:, mechanism.columns(few.coordinates)])
     columns, sizes = at.loops.columns, at.loops.size[:, None] / np.repeat([1.0, unit], 3)
     path = at.loops.lay.path[few.body_index[body], columns, None] * sizes
     moves = map(linear.null_space, at.system.A)

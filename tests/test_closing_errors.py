@@ -58,7 +58,7 @@ def test_all_samples_close_to_rounding(tmp_path):
     motion = scene.at(np.linspace(scene.t[0], scene.t[-1], 300)).motion
     lay = layout(scene.mechanism)
     q, system = positions(lay, motion.y, motion.t, (motion.yd, motion.ydd)), home_equations(lay)
-    assert np.abs(system.closed(q).residual(motion.y)).max() < 1e-14
+    assert np.abs(system.closing_system(q).residual(motion.y)).max() < 1e-14
 
 
 def test_coordinates_of_the_cut_joint_are_read_from_its_two_bodies(cut):

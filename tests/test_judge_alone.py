@@ -95,14 +95,14 @@ def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
         return np.where(universal, -1.0, 1.0) * right(at, wrench, about)
 
     monkeypatch.setattr(closed_forces, "components", turned)
-    of_the_solver = Dynamics.transmitted
+    of_the_solver = Dynamics.transmit
 
     def signed(self, x, need, along):
         found, tree = of_the_solver(self, x, need, along)
         universal = [name.endswith(".m") for name in reaction_names(self.mechanism.joints, ())[0]]
         return found * np.where(universal, -1.0, 1.0), tree
 
-    monkeypatch.setattr(Dynamics, "transmitted", signed)
+    monkeypatch.setattr(Dynamics, "transmit", signed)
     scene = moving()
     solution = answered(scene, engine)
     assert "newton_euler" in faults(scene, solution) & faults(scene, solution, "reaction")

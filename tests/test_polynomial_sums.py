@@ -24,8 +24,8 @@ def test_it_is_the_sum_and_constants_add_up():
 def test_coordinates_may_count_from_elsewhere_and_the_other_way():
     zeros, factors = {"a": 0.25, "c": -0.5}, {"a": -1.0, "b": 2.0}
     counted = {name: (q - zeros.get(name, 0.0)) / factors.get(name, 1.0) for name, q in Q.items()}
-    assert F.counted(zeros, factors)(counted) == near(VALUE)
-    assert F.renamed({"a": "x"})({**Q, "x": Q["a"]}) == near(VALUE)
+    assert F.change_variables(zeros, factors)(counted) == near(VALUE)
+    assert F.rename({"a": "x"})({**Q, "x": Q["a"]}) == near(VALUE)
 
 
 def test_coordinates_that_rest_are_constants():
@@ -36,7 +36,7 @@ def test_coordinates_that_rest_are_constants():
 
 def test_it_can_be_solved_for_what_it_is_linear_in():
     assert [F.is_linear_in(name) for name in ("a", "b", "c", "d")] == [False, True, False, False]
-    assert F.solved("q", "b")({"q": VALUE, **Q}) == near(Q["b"])
+    assert F.solve("q", "b")({"q": VALUE, **Q}) == near(Q["b"])
     assert (F.linear, F.at(Q).linear) == (False, True)
 
 
@@ -45,6 +45,6 @@ def test_differences_and_multiples():
     assert F.minus(other)({**Q, "d": 0.2}) == near(VALUE - 0.1 - 0.9 - 0.6)
     assert F.times(-2.0).plus(1.0)(Q) == near(1.0 - 2.0 * VALUE)
     assert not F.equals(other)
-    ours, theirs = F.beside(F.times(2.0))
+    ours, theirs = F.paired_coefficients(F.times(2.0))
     assert theirs == pytest.approx(2.0 * ours, rel=0, abs=0)
-    assert F.filled(theirs).trimmed(Q) == near(2.0 * VALUE)
+    assert F.fill(theirs).trimmed(Q) == near(2.0 * VALUE)

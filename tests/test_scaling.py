@@ -39,7 +39,7 @@ def test_the_gain_of_a_chain_is_that_of_its_loops(tmp_path):
     for n in (4, 16):
         lay = layout(load_mechanism(chain(n, tmp_path)))
         system, y = home_equations(lay), lay.mechanism.home[None, lay.mechanism.independent_columns] + 0.1
-        gains.append(float(np.sqrt(gain(system.closed(positions(lay, y, np.zeros(1))))[0])))
+        gains.append(float(np.sqrt(gain(system.closing_system(positions(lay, y, np.zeros(1))))[0])))
     assert 1.5 < gains[1] / gains[0] < 2.5
 
 

@@ -80,7 +80,7 @@ def reverse(reading: Reading, name: str) -> Reading:
     joint = reading.joints[name]
     low, high = joint.limits
     new = replace(joint, screw=-joint.screw, home=-joint.home, limits=(-high, -low), rest=-joint.rest)
-    return _recount(reading, name, new, lambda f: f.counted({}, {name: -1.0}), lambda f: f.times(-1.0))
+    return _recount(reading, name, new, lambda f: f.change_variables({}, {name: -1.0}), lambda f: f.times(-1.0))
 
 
 def shift_home(reading: Reading, name: str, home: float) -> Reading:
@@ -89,7 +89,7 @@ def shift_home(reading: Reading, name: str, home: float) -> Reading:
     step = home - joint.home
     low, high = joint.limits
     new = replace(joint, home=home, limits=(low + step, high + step), rest=joint.rest + step)
-    return _recount(reading, name, new, lambda f: f.counted({name: -step}, {}), lambda f: f.plus(step))
+    return _recount(reading, name, new, lambda f: f.change_variables({name: -step}, {}), lambda f: f.plus(step))
 
 
 def _recount(reading: Reading, name: str, joint: JointReading, lead: _Recount, follow: _Recount) -> Reading:
@@ -192,7 +192,7 @@ def _set_gear(reading: Reading, name: str, gear: float) -> Reading:
 
 def _set_coefficients(reading: Reading, name: str, coefficients: Array) -> Reading:
     coupling = reading.couplings[name]
-    new = replace(coupling, function=coupling.function.filled(coefficients))
+    new = replace(coupling, function=coupling.function.fill(coefficients))
     return replace(reading, couplings={**reading.couplings, name: new})
 
 

@@ -153,7 +153,7 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
         what = _reason(mechanism, problem.rule, quantities, first)
         t = ", ".join(f"{motion.t[i]:.6g}" for i in rows[:SHOWN]) + (", ..." if len(rows) > SHOWN else "")
         sentence = (
-            f"{what} at {len(rows)} of {len(motion)} samples (t = {t} s; first at {mechanism.described(first)}): "
+            f"{what} at {len(rows)} of {len(motion)} samples (t = {t} s; first at {mechanism.pose_text(first)}): "
             f"{', '.join(quantities)}{' of ' if part else ''}{', '.join(part)} cannot be computed there"
         )
         refused.append(Refusal(solution.engine, tuple(quantities), np.array(rows), what, sentence))

@@ -151,12 +151,12 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
         reasons[row] = reasons[row] or "the cell cannot be reached from the home pose through neighbouring cells"
     if not len(order):
         what = (
-            f"no cell has values; for the cell nearest to home, {mechanism.described(y[first])}, "
+            f"no cell has values; for the cell nearest to home, {mechanism.pose_text(y[first])}, "
             f"the reason is: {reasons[first]}"
         )
         raise DescriptionError(what, f"{where}.{KEY}", "move or refine the grid")
     lost = [
-        Missing(tuple(cells[row].tolist()), mechanism.described(y[row]), why) for row, why in enumerate(reasons) if why
+        Missing(tuple(cells[row].tolist()), mechanism.pose_text(y[row]), why) for row, why in enumerate(reasons) if why
     ]
     units = tuple(mechanism.units[mechanism.independent_columns[k]] for k in places)
     return GridMotion(tuple(axes), units, tuple(axes.values()), cells[order], y[path], reached, tuple(lost), freedoms)

@@ -55,7 +55,7 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
     size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
     if (np.abs(start - home) <= FAR * size).all():
         return ()
-    places = mechanism.described(start), mechanism.described(home)
+    places = mechanism.pose_text(start), mechanism.pose_text(home)
     return (f"the motion starts at {places[0]}; the home pose is {places[1]} (coordinates are not measured from home)",)
 
 
@@ -71,7 +71,7 @@ def _walk(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
         if beyond := beyond_limits(lay.mechanism, q, unit=True):
             i, sentence = beyond
             raise JointLimitError(
-                f"joint coordinate {sentence} at {lay.mechanism.described(motion.y[i])}",
+                f"joint coordinate {sentence} at {lay.mechanism.pose_text(motion.y[i])}",
                 f"t = {motion.t[i]:g} s",
                 "shorten the motion or widen the limits",
             )
@@ -132,7 +132,7 @@ def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
     if far.size:
         i, unit = far[0, 0], mechanism.units[mechanism.independent_columns[far[0, 1]]]
         raise DescriptionError(
-            f"the motion jumps to {mechanism.described(motion.y[i])}, "
+            f"the motion jumps to {mechanism.pose_text(motion.y[i])}, "
             f"more than {FARTHEST:g} {unit} from the previous sample or the home pose",
             f"t = {motion.t[i]:g} s",
             "check its units or take shorter steps",
@@ -199,14 +199,14 @@ class SampleWalk:
         """Build the error for a motion that passes a singular pose."""
         ended = self.system.coordinates(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
-        meets, described = self.lay.mechanism.described(end.y), self.lay.mechanism.described
+        meets, pose_text = self.lay.mechanism.pose_text(end.y), self.lay.mechanism.pose_text
         times = motion.t if self.before is None else np.append(self.before, motion.t)
         i = int(np.flatnonzero(times == end.t)[0])
         if np.abs((end.y - motion.y[i - len(times)]) / self.mode.unit).max() < NEAR:
             check_regular(self.lay, ended, np.array([end.t]), end.y[None])
         if not i:
             return SingularPoseError(
-                f"a singular pose separates the start of the motion, {described(motion.y[0])}, from home "
+                f"a singular pose separates the start of the motion, {pose_text(motion.y[0])}, from home "
                 f"(the path from home is singular at {meets}): {near}",
                 f"t = {times[0]:g} s",
                 "keep the motion on the same side as home, or choose a home pose beyond the singular pose",
@@ -228,7 +228,7 @@ def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | Non
     if bad.size:
         i = bad[0]
         raise SingularPoseError(
-            f"the pose {lay.mechanism.described(y[i])} is singular (condition {condition[i]:.1e}): "
+            f"the pose {lay.mechanism.pose_text(y[i])} is singular (condition {condition[i]:.1e}): "
             f"{near_singularity(lay, q[bad[:1]])}",
             f"t = {t[i]:g} s",
             "keep the motion away from it",

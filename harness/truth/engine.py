@@ -182,7 +182,7 @@ def _table(
 
 
 def _where(mechanism: Mechanism, t: float, y: Array) -> str:
-    return f"t = {t:g} s, {mechanism.described(y)}"
+    return f"t = {t:g} s, {mechanism.pose_text(y)}"
 
 
 def _solution(

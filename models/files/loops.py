@@ -161,7 +161,7 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
     if kind == "weld":
         frames = [_read_frame(require(table, f"{side}_frame", where), where) for side in _SIDES]
         none = np.zeros((0, 3))
-        return Closure(name, kind, parent, child, none, none, frames[0], frames[1]).facing(joint)
+        return Closure(name, kind, parent, child, none, none, frames[0], frames[1]).orient(joint)
     lists = [_entry(table, f"{side}_points", list, where) for side in _SIDES]
     points = [np.array([vector(point, where) for point in given]) for given in lists]
     if [len(given) for given in lists] != [count, count]:
@@ -170,7 +170,7 @@ def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ..
     near, far = joint.parent_frame, joint.child_frame
     if parent != joint.parent:
         near, far = far, near
-    return Closure(name, kind, parent, child, points[0], points[1], near, far).facing(joint)
+    return Closure(name, kind, parent, child, points[0], points[1], near, far).orient(joint)
 
 
 def _read_frame(table: Any, where: str) -> Frame:

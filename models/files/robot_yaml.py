@@ -91,7 +91,7 @@ def with_robot_yaml(reading: Reading, path: Path) -> Reading:
 
 def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
     """Return the body and frame of a link, or of the link that a joint carries."""
-    link = reading.carried(name)
+    link = reading.carried_link(name)
     if link not in ("", name) and reading.has_link(name):
         what = f"'{name}' is a link and also a joint that carries link '{link}'"
         raise ModelFileError(what, f"{path}, closed_loop", "rename one of them in the URDF")
@@ -188,12 +188,12 @@ class _Composer:
 
     def sequence(self, event: yaml.SequenceStartEvent, depth: int) -> list[Any]:
         """Compose a list."""
-        return [self.value(item, depth + 1) for item in self.inside("SequenceEndEvent")]
+        return [self.value(item, depth + 1) for item in self.events_until("SequenceEndEvent")]
 
     def mapping(self, event: yaml.MappingStartEvent, depth: int) -> dict[str, Any]:
         """Compose a mapping; reject duplicate names."""
         entries: dict[str, Any] = {}
-        for key in self.inside("MappingEndEvent"):
+        for key in self.events_until("MappingEndEvent"):
             name = self.value(key, depth + 1)
             if name == "<<":
                 raise self.refusal(key, "the merge <<", "write out the entries")
@@ -204,7 +204,7 @@ class _Composer:
             entries[name] = self.value(next(self.events), depth + 1)
         return entries
 
-    def inside(self, end: str) -> Iterator[yaml.Event]:
+    def events_until(self, end: str) -> Iterator[yaml.Event]:
         """Yield the events up to the end of a list or mapping."""
         for event in self.events:
             if type(event).__name__ == end:

@@ -119,7 +119,7 @@ class Frame:
     placed: str
     still: bool
 
-    def named(self, name: str | None) -> str:
+    def resolve(self, name: str | None) -> str:
         """Return the full name of a frame to which the element refers."""
         name = (name or "").strip()
         return {"world": WORLD, "__model__": self.model}.get(name, f"{self.scope}{name}")
@@ -144,7 +144,7 @@ class Frames:
         for e in (each for each in owner if each.tag in _FRAMES):
             own = name = f"{scope}{e.get('name', '')}"
             attached, tip = "__model__", e.get("placement_frame")
-            named = Frame(e, scope, model, name, model, name, still).named
+            resolve = Frame(e, scope, model, name, model, name, still).resolve
             if e.tag == "model":
                 merged = is_true(e.get("merge"))
                 own, inner = f"{name}{OF}__model__", scope if merged else f"{name}{OF}"
@@ -153,8 +153,8 @@ class Frames:
                 tip = tip and f"{inner}{tip}"
             else:
                 attached = e.get("attached_to") or e.findtext("child") or attached
-                carrier = name if e.tag == "link" else named(attached)
-            base = named(base_of(e) or attached)
+                carrier = name if e.tag == "link" else resolve(attached)
+            base = resolve(base_of(e) or attached)
             if own in self.by_name or not e.get("name"):
                 what = f"has two elements named '{name}'" if e.get("name") else f"a {e.tag} has no name"
                 raise ModelFileError(what, self.where, "use unique names")

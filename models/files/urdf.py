@@ -332,7 +332,7 @@ def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
     R = T[:3, :3]
     J = R.T @ matter.inertia @ R
     if inertial is None:
-        xml.put(link.element, inertial_text(matter))
+        xml.insert(link.element, inertial_text(matter))
         return
     if plain or old is None or matter.mass != old.mass:
         xml.set_in(inertial, "mass", value=number_text(matter.mass))

@@ -207,7 +207,7 @@ class XmlText:
 
     def add(self, element: Element, tag: str, **values: str) -> None:
         """Insert an element without content as the first child."""
-        self.put(element, f"<{tag}{''.join(f' {name}={quoteattr(value)}' for name, value in values.items())}/>")
+        self.insert(element, f"<{tag}{''.join(f' {name}={quoteattr(value)}' for name, value in values.items())}/>")
 
     def set_in(self, element: Element, tag: str, **values: str) -> None:
         """Set attributes of the first child with a tag; add the child if it is missing."""
@@ -217,7 +217,7 @@ class XmlText:
         elif values:
             self.add(element, tag, **values)
 
-    def put(self, element: Element, text: str) -> None:
+    def insert(self, element: Element, text: str) -> None:
         """Insert an element, given as XML text, as the first child."""
         spelled = re.sub(r'"([^"]*)"', lambda value: f'"{self.spell(value[1])}"', text)
         self._inserted.setdefault(element, []).append(spelled)
@@ -249,7 +249,7 @@ class XmlText:
         old = self._text[element.start : element.stop]
         changes = dict(self._attributes.get(element, {}))
 
-        def changed(match: re.Match[str]) -> str:
+        def change(match: re.Match[str]) -> str:
             name = match[1]
             if name not in changes:
                 return match[0]
@@ -258,7 +258,7 @@ class XmlText:
 
         head = f"<{element.tag}"
         ending = "/>" if self._alone(element) else ">"
-        body = _ATTRIBUTE.sub(changed, old.removeprefix(head).removesuffix(ending))
+        body = _ATTRIBUTE.sub(change, old.removeprefix(head).removesuffix(ending))
         added = "".join(f" {name}={quoteattr(value)}" for name, value in changes.items() if value is not None)
         new = head + body.rstrip() + added
         children = self._inserted.get(element, [])

@@ -96,7 +96,7 @@ def motions(mechanism: Mechanism) -> tuple[Array, Array]:
         Orthonormal basis of admissible joint velocities, shape (n_q, k); and the small singular values, which belong to
         equations that are nearly, but not exactly, redundant.
     """
-    at = loop_equations(layout(replace(mechanism, independent={}))).closed(mechanism.home[None])
+    at = loop_equations(layout(replace(mechanism, independent={}))).closing_system(mechanism.home[None])
     G = at.system.A[0]
     free, s = linear.null_space(G), np.linalg.svd(G, compute_uv=False)
     s = s[: G.shape[1] - free.shape[1]]

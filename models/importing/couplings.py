@@ -58,7 +58,7 @@ def _solve_each(couplings: Couplings, leading: Collection[str]) -> Couplings | N
     if cost[rows, columns].max() >= _CANNOT:
         return None
     follow = [joints[column] for column in columns.tolist()]
-    return {name: one.solved(joint) for (name, one), joint in zip(couplings.items(), follow, strict=True)}
+    return {name: one.solve_for(joint) for (name, one), joint in zip(couplings.items(), follow, strict=True)}
 
 
 def _solve_linear(couplings: Couplings, leading: Collection[str]) -> Couplings:

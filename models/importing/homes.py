@@ -136,7 +136,7 @@ def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterat
         yield "the middle of the joint ranges", _interpolate(loops, bounded, np.full(len(bounded), 0.5))
     for i in range(1, STARTS):
         step = FARTHEST * i / (STARTS - 1) * near.uniform(-1.0, 1.0, len(loops.closing))
-        yield "a random pose near the file's own home pose", loops.stepped(loops.home, loops.closing * step)
+        yield "a random pose near the file's own home pose", loops.move(loops.home, loops.closing * step)
         if bounded and i % EVERY == 0:
             yield "a random pose within the limits", _interpolate(loops, bounded, inside.uniform(size=len(bounded)))
 
@@ -204,7 +204,7 @@ def _centre(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
         wish *= min(1.0, 0.3 / max(float(np.abs(wish).max()), 1e-300))
         if np.abs(wish).max() < 1e-6:
             break
-        trial, left = loops.newton(loops.stepped(q, wish))
+        trial, left = loops.newton(loops.move(q, wish))
         # within limits, good conditioning outweighs the margin, but a joint at a limit cannot move
         floor = REGULAR if _is_at_limit(loops, q) else min(least, WELL)
         worse = rank and _rank(loops, trial)[1] < floor
@@ -347,7 +347,7 @@ class Loops:
         (gap,), (rows,) = gaps_and_rows(self.tree, TreeStates(q[None], rest, rest))
         return gap / unit, rows / unit[:, None] * self.size * self.free
 
-    def stepped(self, q: Array, step: Array) -> Array:
+    def move(self, q: Array, step: Array) -> Array:
         """Return the coordinates after a dimensionless step of shape (n_freedom,)."""
         return np.asarray(move_joints(self.tree, q[None], (step * self.size)[None])[0])
 
@@ -366,7 +366,7 @@ class Loops:
             U, s, Vt = np.linalg.svd(J, full_matrices=False)
             step = -Vt.T @ (s / (s * s + damping * min(float(r @ r), 1.0) + 1e-16) * (U.T @ r))
             step *= min(1.0, LARGEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
-            trial = self.stepped(q, step)
+            trial = self.move(q, step)
             r_trial, J_trial = self.system(trial)
             if r_trial @ r_trial < r @ r:
                 stuck = stuck + 1 if r_trial @ r_trial > 0.99 * (r @ r) else 0

@@ -96,7 +96,7 @@ def retype(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
         if kind not in KNOWN:
             raise UnknownNameError(f"type of joint '{name}',", kind, KNOWN, f"{where}, joint_type")
     _check_free(reading, types, where)
-    frames = {name: link for name in types if (link := reading.carried(name))}
+    frames = {name: link for name in types if (link := reading.carried_link(name))}
     lost = (phrase for name, kind in types.items() for phrase in _lost_properties(reading.joints[name], name, kind))
     content = (Content("read differently by the library", phrase, values=()) for phrase in lost)
     reading = replace(reading, frames={**reading.frames, **frames}, content=(*reading.content, *content))

@@ -322,7 +322,7 @@ def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> Coupl
     names = {joint: model.joint(joint).name for joint in zeros}
     function = PolynomialSum.of({names.get(joint, ""): p for joint, p in polynomials.items()})
     shifts = {names[joint]: -zero for joint, zero in zeros.items() if zero and joint != one}
-    return CouplingReading(names[one], function.counted(shifts, {}).plus(zeros[one]))
+    return CouplingReading(names[one], function.change_variables(shifts, {}).plus(zeros[one]))
 
 
 def tendon_equality(model: Any, i: int) -> CouplingReading | None:

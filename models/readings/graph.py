@@ -67,7 +67,7 @@ class GraphJoint:
     step: Array = field(default_factory=lambda: np.eye(4))
     loop: bool = False
 
-    def placed(self, T: Array) -> dict[str, JointReading]:
+    def displace_freedoms(self, T: Array) -> dict[str, JointReading]:
         """Return the joint's hinges, slides and balls after displacing its parent by T, shape (4, 4)."""
         return {name: displace_joint(freedom, T) for name, freedom in self.freedoms.items()}
 
@@ -152,7 +152,7 @@ def read_graph(
             joint = loops.pop(by)
             near, step = (joint.child, np.linalg.inv(joint.step)) if back else (joint.parent, joint.step)
             shift[name] = shift[near] @ step
-            freedoms = joint.placed(shift[joint.parent])
+            freedoms = joint.displace_freedoms(shift[joint.parent])
             if back:
                 freedoms = {n: replace(freedoms[n], screw=-freedoms[n].screw) for n in reversed(freedoms)}
         tree[name] = replace(links[name], near=near, joints=tuple(freedoms), pose=shift[name] @ links[name].pose)
@@ -162,7 +162,7 @@ def read_graph(
         home = links[joint.child].pose if joint.child else np.eye(4)
         pose, closed = shift[joint.parent] @ joint.step @ home, shift[joint.child] @ home
         pose = closed if np.abs(pose - closed).max() <= rounding else pose
-        end, freedoms = joint.parent, joint.placed(shift[joint.parent])
+        end, freedoms = joint.parent, joint.displace_freedoms(shift[joint.parent])
         if freedoms:
             end = _free_name(f"{joint.child or GROUND}.{name}", links)
             copy = replace(link(NOTHING, pose), near=joint.parent, joints=tuple(freedoms))

@@ -136,11 +136,11 @@ class CouplingReading:
     function: PolynomialSum
     softness: tuple[float, ...] = ()
 
-    def solved(self, joint: str) -> CouplingReading:
+    def solve_for(self, joint: str) -> CouplingReading:
         """Solve the coupling for one of its joints; return the coupling unchanged if it is not linear in that joint."""
         if not self.function.is_linear_in(joint):
             return self
-        return replace(self, joint=joint, function=self.function.solved(self.joint, joint))
+        return replace(self, joint=joint, function=self.function.solve(self.joint, joint))
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -201,7 +201,7 @@ class Reading:
 
         `name` is the link or the joint that carries it; return None if neither exists.
         """
-        return self._place(name) or self._place(self.carried(name))
+        return self._place(name) or self._place(self.carried_link(name))
 
     def _place(self, link: str) -> tuple[str, Array] | None:
         if link in self.fixed:
@@ -226,7 +226,7 @@ class Reading:
         """Return True if a link with that name exists."""
         return self._place(name) is not None
 
-    def carried(self, joint: str) -> str:
+    def carried_link(self, joint: str) -> str:
         """Return the link that a joint carries; empty if the joint is unknown or is followed by further joints."""
         if joint in self.frames:
             return self.frames[joint]
@@ -333,9 +333,9 @@ def rename(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading:
             for name, c in reading.closures.items()
         },
         couplings={
-            couplings[name]: replace(c, joint=joints[c.joint], function=c.function.renamed(joints))
+            couplings[name]: replace(c, joint=joints[c.joint], function=c.function.rename(joints))
             for name, c in reading.couplings.items()
         },
         actuators={actuators[n]: a._replace(joint=joints.get(a.joint, a.joint)) for n, a in reading.actuators.items()},
-        content=tuple(each.renamed(names) for each in reading.content),
+        content=tuple(each.rename(names) for each in reading.content),
     )

@@ -151,7 +151,7 @@ def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frame
     lengths = [x for tag in tags for x in frames.vector(shape, tag, "", 3 if whole else 1).tolist()]
     here, T = frames.poses[frame.placed], frames.pose(collision)
     if other := base_of(collision):
-        T = relative(here, frames.at(frame.named(other))) @ T
+        T = relative(here, frames.at(frame.resolve(other))) @ T
     return displace(uniform(shape.tag, lengths, frames.number(collision, "density", density)), T)
 
 
@@ -188,7 +188,7 @@ class _Joint:
         """Return the link on one side of the joint, ``parent`` or ``child``."""
         if not (name := self.frame.element.findtext(side)):
             raise ModelFileError(f"joint {self.name} has no {side}", self.frames.where, "name it")
-        return self.frames.link(self.frame.named(name))
+        return self.frames.link(self.frame.resolve(name))
 
     def direction(self, i: int) -> Array:
         """Return the unit vector of an axis in the world frame. Shape (3,)."""
@@ -197,7 +197,7 @@ class _Joint:
         if not way.any():
             raise ModelFileError(f"axis of joint {self.name} is 0", self.frames.where, "set a direction")
         if name := xyz.get("expressed_in"):
-            base = self.frame.named(name)
+            base = self.frame.resolve(name)
         elif is_true(axis.findtext("use_parent_model_frame")):
             base = self.frame.model
         return np.asarray(self.frames.at(base)[:3, :3] @ way / np.linalg.norm(way))
@@ -235,7 +235,7 @@ class _Joint:
         """Yield the coordinates that follow other coordinates; for a gearbox, yield the following hinge."""
         e, number = self.frame.element, self.frames.number
         if self.kind == "gearbox":
-            (one, s), (two, t) = (self._geared(side, joints, i) for i, side in enumerate(("parent", "child")))
+            (one, s), (two, t) = (self._gear_hinge(side, joints, i) for i, side in enumerate(("parent", "child")))
             yield two, one, "", 0.0, -number(e, "gearbox_ratio", 1.0) * s * t
         if self.kind == "screw":
             old = e.find("screw_thread_pitch") is None and e.find("thread_pitch") is not None
@@ -246,11 +246,11 @@ class _Joint:
             yield self.coordinates[1], self.name, "1", 0.0, pitch / math.tau
         for i, name in enumerate(self.coordinates[: 1 if self.kind == "screw" else None]):
             if (mimic := self.axis(i).find("mimic")) is not None:
-                leader, nth = self.frame.named(mimic.get("joint")), mimic.get("axis", "").removeprefix("axis") or "1"
+                leader, nth = self.frame.resolve(mimic.get("joint")), mimic.get("axis", "").removeprefix("axis") or "1"
                 slope, zero = number(mimic, "multiplier", 1.0), number(mimic, "reference", 0.0)
                 yield name, self.frames.short(leader), nth, number(mimic, "offset", 0.0) - slope * zero, slope
 
-    def _geared(self, side: str, joints: Mapping[str, _Joint], i: int) -> tuple[str, float]:
+    def _gear_hinge(self, side: str, joints: Mapping[str, _Joint], i: int) -> tuple[str, float]:
         """Return the hinge between a link and the reference body of a gearbox, and the sign of the hinge axis."""
         near, reference = self.link(side), self.link("gearbox_reference_body")
         for name, joint in joints.items():

@@ -82,7 +82,7 @@ def read_usd(path: Path, name: str) -> Reading:
     read = _Stage(stage, str(path), *units, UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), names)
     found = [prim for prim in every if is_joint(prim)]
     joints = [one for one in map(read.joint, found, names_of(found)) if one is not None]
-    placed = {one.name: one.placed() for one in joints}
+    placed = {one.name: one.graph_joint() for one in joints}
     edges, serial = {n: edge for n, (edge, _) in placed.items()}, list[str]()
     if all(value(prim, "newton:jointsAddMobility", True) for prim in every):
         edges, serial = in_series(edges, ROUNDING)
@@ -161,14 +161,14 @@ class _Stage:
         ends = ("physics:lowerLimit", "physics:upperLimit")
         if kind not in ("Revolute", "Prismatic"):
             ends = (f"limit:{token}:physics:low", f"limit:{token}:physics:high")
-        low, high = (self.scaled(token, number(prim, n, default=d)) for n, d in zip(ends, FREE, strict=True))
+        low, high = (self.convert(token, number(prim, n, default=d)) for n, d in zip(ends, FREE, strict=True))
         return bounds(low, high)
 
-    def scaled(self, token: str, x: float) -> float:
+    def convert(self, token: str, x: float) -> float:
         """Convert a coordinate to SI units."""
         return math.radians(x) if token in _TURNS else self.unit * x
 
-    def placed(self, prim: Any) -> tuple[Array, Array]:
+    def pose_of(self, prim: Any) -> tuple[Array, Array]:
         """Return the world pose of a prim, and its scale. Shapes (4, 4), (3,)."""
         M = np.array(self.cache.GetLocalToWorldTransform(prim), dtype=float).T
         scale = np.linalg.norm(M[:3, :3], axis=0)
@@ -191,14 +191,14 @@ class _Stage:
         if targets and not (prim and prim.IsActive()):
             what = f"joint {joint.GetName()} connects {targets[0]}, which does not exist"
             raise ModelFileError(what, self.where, "correct the path")
-        T, scale = self.placed(prim) if prim else (np.eye(4), np.ones(3))
+        T, scale = self.pose_of(prim) if prim else (np.eye(4), np.ones(3))
         p, q = numbers(joint, f"physics:localPos{k}", default=(0.0,) * 3), f"physics:localRot{k}"
         return self.body_of(prim), T @ matrix(self.unit * scale * p, _turn(numbers(joint, q, default=(0.0,) * 4)))
 
     def body(self, prim: Any) -> BodyReading:
         """Return the mass properties and pose of a body."""
-        (T, scale), name = self.placed(prim), self.bodies[prim.GetPath()]
-        matter = self.stated(prim, scale, Matter(0.0, np.full(3, np.nan), np.full((3, 3), np.nan)))
+        (T, scale), name = self.pose_of(prim), self.bodies[prim.GetPath()]
+        matter = self.mass_properties(prim, scale, Matter(0.0, np.full(3, np.nan), np.full((3, 3), np.nan)))
         weighs = matter.mass and not np.isnan(matter.inertia).any()
         if not weighs or np.isnan(matter.com).any():
             density = number(prim, "physics:density")
@@ -210,12 +210,12 @@ class _Stage:
                 whole = Matter(self.kilo, np.zeros(3), 0.4 * self.kilo * r * r * np.eye(3))
                 what = f"mass or inertia of body {name}, by default that of a ball of radius {r:g} m and mass 1 kg"
                 self.content.extend([] if weighs else [Content("read differently by the library", what)])
-            matter = self.stated(prim, scale, whole)
+            matter = self.mass_properties(prim, scale, whole)
         if value(prim, "physics:kinematicEnabled"):
             self.content.append(Content("externally moved bodies", "kinematic body", f" {name}"))
         return link(matter, T, weightless=bool(value(prim, "physxRigidBody:disableGravity")))
 
-    def stated(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
+    def mass_properties(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
         """Return the mass properties of a body or collider: the specified values, completed by those of its shapes."""
         mass, size = self.kilo * number(prim, "physics:mass"), self.kilo * self.unit**2
         inertia = (mass / shapes.mass if mass and shapes.mass else 1.0) * shapes.inertia
@@ -234,7 +234,7 @@ class _Stage:
 
         if not prim.IsA(UsdGeom.Gprim):
             return NOTHING
-        (T, scale), hollow = self.placed(prim), value(prim, "newton:massModel") == "shell" or value(prim, _SHELL)
+        (T, scale), hollow = self.pose_of(prim), value(prim, "newton:massModel") == "shell" or value(prim, _SHELL)
         kind = "shell" if hollow else str(prim.GetTypeName()).lower()
         size = self.unit * np.abs(scale)
         axis = AXES.index(axis_of(prim, "axis", "Z"))
@@ -255,7 +255,7 @@ class _Stage:
             own = polyhedron(points @ turn, triangles_of(prim, len(points)), rho)
         else:
             own = uniform(_SHAPES[kind], lengths, rho)
-        return displace(self.stated(prim, scale, displace(own, matrix(np.zeros(3), turn))), relative(body, T))
+        return displace(self.mass_properties(prim, scale, displace(own, matrix(np.zeros(3), turn))), relative(body, T))
 
     def gravity(self, scene: Any | None) -> Array | None:
         """Return the gravity of a stage [m/s^2]; None if it lacks a scene and z points up. Shape (3,)."""
@@ -306,7 +306,7 @@ class _Joint:
         names = {token: f"{self.name}.{token}" if several else self.name for token in self.limits}
         return {_TURNS[0]: self.name} if self.is_ball else names
 
-    def placed(self) -> tuple[GraphJoint, float]:
+    def graph_joint(self) -> tuple[GraphJoint, float]:
         """Return the joint as an edge between two bodies, and the gap between its two frames [m or rad]."""
         (parent, X), (child, F) = (self.stage.side(self.prim, k) for k in (0, 1))
         home, freedoms = self.home(relative(X, F)), dict[str, JointReading]()
@@ -341,7 +341,7 @@ class _Joint:
         if turns and value(self.prim, "newton:damping") is not None:
             found["damping"] = math.degrees(found["damping"])
         found["friction"] *= 1.0 if turns else unit
-        return {**found, "rest": self.stage.scaled(token, number(self.prim, "mjc:springref"))}
+        return {**found, "rest": self.stage.convert(token, number(self.prim, "mjc:springref"))}
 
     def drives(self) -> Iterator[tuple[str, str]]:
         """Yield each driven coordinate with the instance name of its drive."""
@@ -384,11 +384,11 @@ class _Joint:
     def mimics(self, joints: Mapping[Any, _Joint]) -> Iterator[Mimic]:
         """Yield the coordinates that follow other coordinates, given the joints by path."""
         for path, token, axis, constant, slope, degrees in self.laws():
-            leader, scaled = joints.get(path), self.stage.scaled
+            leader, convert = joints.get(path), self.stage.convert
             if leader is None or not (leader.coordinates and self.coordinates):
                 what = f"joint {self.name} follows {path}, which is not a moving joint"
                 raise ModelFileError(what, self.stage.where, "choose another joint, or remove the mimic")
             pairs = ((token, self), (axis, leader))
             own, leads = (t if t in one.coordinates else next(iter(one.coordinates)) for t, one in pairs)
-            ratio = scaled(own, 1.0) / scaled(leads, 1.0) if degrees else 1.0
-            yield self.coordinates[own], leader.name, leads, scaled(own, constant), ratio * slope
+            ratio = convert(own, 1.0) / convert(leads, 1.0) if degrees else 1.0
+            yield self.coordinates[own], leader.name, leads, convert(own, constant), ratio * slope

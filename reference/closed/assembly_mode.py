@@ -188,7 +188,7 @@ class BranchPose:
         """Return the largest dimensionless change of an unknown, given changes of joint coordinates, shape (n_q,)."""
         return float(np.abs(self.system.unknowns(way)).max())
 
-    def put(self, q: Array) -> None:
+    def set_pose(self, q: Array) -> None:
         """Set the pose to joint coordinates `q`, shape (n_q,), at which the loops are closed."""
         if self.is_tree or not self._try(q, q[self.columns]):
             self.q, self.y = q, q[self.columns]

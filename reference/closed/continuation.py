@@ -204,19 +204,19 @@ class Continuation(Walk):
         anchors, y = self.anchors, curves[:, -1]
         covering, inside = anchors.cover(y, int(anchors.table["sheet"][self.at]))
         before = np.concatenate([[self.at], covering[:-1]])
-        within = self._inside(curves, miss, before)
+        within = self._lie_inside(curves, miss, before)
         other = np.flatnonzero(~within & (covering != before))
-        within[other] = self._inside(curves[other], miss[other], covering[other])
+        within[other] = self._lie_inside(curves[other], miss[other], covering[other])
         other = np.flatnonzero(~within & (covering != before))
         left, right = HALVES[:, None] @ curves[other]
-        within[other] = self._inside(left, miss[other], before[other])
-        within[other] &= self._inside(right, miss[other], covering[other])
+        within[other] = self._lie_inside(left, miss[other], before[other])
+        within[other] &= self._lie_inside(right, miss[other], covering[other])
         good = inside & within
         for i in np.flatnonzero(good & (covering != before)).tolist():
             good[i] = anchors.on_one_branch(int(before[i]), int(covering[i]))
         return covering, inside, good
 
-    def _inside(self, curves: Array, miss: Array, a: Indices) -> Flags:
+    def _lie_inside(self, curves: Array, miss: Array, a: Indices) -> Flags:
         """Return True for curves inside the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
         inside = (self.anchors.distances(curves, a) <= 1.0).all(axis=1)
         if miss.any():
@@ -320,7 +320,7 @@ class Continuation(Walk):
     def _exact_pose(self, i: int, poses: Poses) -> Array:
         """Return the unknowns of a sample that becomes an anchor. Shape (n_z,)."""
         try:
-            return self._exactly(poses.y[i], int(poses.anchor[i]), poses.z[i])
+            return self._solve_sample(poses.y[i], int(poses.anchor[i]), poses.z[i])
         except Blocked as blocked:
             way = Curve(straight_path(self.anchors[self.at].y, poses.y[i]))
             raise self._end(way, float(poses.t[i]), singular=blocked.singular) from None

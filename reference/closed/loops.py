@@ -75,7 +75,7 @@ class LoopEquations(Loops):
         owners = [joint.name for joint, count in counts for _ in range(count)]
         return [f"{owner}.{label}" for owner, (label, _) in zip(owners, self.names, strict=True)]
 
-    def closed(self, q: Array) -> Closed:
+    def closing_system(self, q: Array) -> Closed:
         """Evaluate the closing system at joint coordinates. Shape (n, n_q)."""
         return Closed(self, coordinates(q, NUMPY), self.folds(q), NUMPY)
 
@@ -83,7 +83,7 @@ class LoopEquations(Loops):
         """Return the derivative of dimensionless residuals (loops, couplings, selected coordinates) with respect to the
         dimensionless unknowns. Shape (n, n_q) -> (n, m + k, n_unknown).
         """
-        return np.asarray(self.closed(q).system.A[..., : self.moving])
+        return np.asarray(self.closing_system(q).system.A[..., : self.moving])
 
     def constraints(self, q: Array) -> Array:
         """Return only the rows of `matrix` for loops and couplings. Shape (n, n_q) -> (n, m, n_unknown)."""
@@ -91,7 +91,7 @@ class LoopEquations(Loops):
 
     def chart_conditions(self, q: Array) -> Array:
         """Return the condition number of the angles of each cut joint. Shape (n, n_q) -> (n, n_cut)."""
-        return chart_conditions(self.closed(q))
+        return chart_conditions(self.closing_system(q))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
         """Evaluate dimensionless residuals of loops and couplings, and their Jacobian, as `newton` requires.
@@ -107,7 +107,7 @@ class LoopEquations(Loops):
         q = np.tile(self.lay.mechanism.home, (len(z), 1))
         q[:, columns] = given  # for a cut joint: angle nearest to the requested value
         q[:, self.unknown] = z * self.sizes[self.unknown]
-        at = self.closed(q)
+        at = self.closing_system(q)
         full = np.asarray(at.system.A)
         equations = at.residual(given) / self.unit, full[..., : self.moving]
         return (*equations, full) if self.fixed else equations

@@ -211,16 +211,16 @@ class Walk:
         anchors, points, self.piece = self.anchors, curve.points, curve
         left, right, miss = curve.halves()
 
-        def inside() -> bool:
+        def is_inside() -> bool:
             near = miss @ anchors.table["W"][self.at] @ miss <= MISS**2
             return bool(near and (anchors.distance(points, self.at) <= 1.0).all())
 
-        if inside():
+        if is_inside():
             return
         self._walk(points[0])
         if anchors.distance(points[0], self.at) > 0.5:  # move to the middle of a ball
             self._step(points[0])
-        if inside():
+        if is_inside():
             return
         if depth == DEEPEST:
             raise Blocked(singular=True)
@@ -256,7 +256,7 @@ class Walk:
             path.append(a)
         return path
 
-    def _exactly(self, y: Array, a: int, near: Array) -> Array:
+    def _solve_sample(self, y: Array, a: int, near: Array) -> Array:
         """Compute the unknowns of a sample in the ball of an anchor, stepping up to the sample itself. Shape (n_z,)."""
         at, visits, self.at, self.left = self.at, self.visits[:], a, MOST
         try:

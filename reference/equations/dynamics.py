@@ -295,10 +295,10 @@ class Dynamics(Motion):
         x = self.system.solve_transposed(tau)
         if null := self._redundant:
             N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
-            preload = times(N, self.transmitted(x, need, along)[0] / self._arms)
+            preload = times(N, self.transmit(x, need, along)[0] / self._arms)
             share = self.ops.square(N @ transpose(N)).solve(preload)
             x = x - sum(scale(share[..., i], row) for i, (row, _) in enumerate(null))
-        return *self.transmitted(x, need, along), x
+        return *self.transmit(x, need, along), x
 
     @cached_property
     def imbalance(self) -> Array:
@@ -324,9 +324,9 @@ class Dynamics(Motion):
         null = self.system.null()
         nothing, rest = 0.0 * self.required, zeros(self.q, self.q.shape[-1])
         rows = [null[..., i, :] for i in range(null.shape[-2])]
-        return [(x, self.transmitted(x, nothing, rest)[0] / self._arms) for x in rows]
+        return [(x, self.transmit(x, nothing, rest)[0] / self._arms) for x in rows]
 
-    def transmitted(self, x: Array, need: Array, along: Array) -> tuple[Array, Array]:
+    def transmit(self, x: Array, need: Array, along: Array) -> tuple[Array, Array]:
         """Return reaction components, and all forces along tree coordinates. Shapes (..., r), (..., n_q).
 
         The components are powers on the unit twists that joints forbid, followed by coupling forces.

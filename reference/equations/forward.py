@@ -320,13 +320,13 @@ class NewtonEuler:
         rows[:, :, len(self.names) :] = transpose(preload)
         return rows
 
-    def scaled(self, c: Array) -> Array:
+    def scale_system(self, c: Array) -> Array:
         """Scale the system with matrix c, which may be in higher precision. Shape (n, 6 (b - 1) + l, m)."""
         return np.concatenate([c / self.rows[:, None], self.rule.astype(c.dtype)], axis=1) * self.size
 
     @cached_property
     def _inverted(self) -> tuple[Array, Array]:
-        return linear.invert(self.scaled(self.c))
+        return linear.invert(self.scale_system(self.c))
 
     @property
     def condition(self) -> Array:
@@ -350,7 +350,7 @@ class NewtonEuler:
         right = np.concatenate([need / self.rows[:, None], below], axis=1)
         unknown = inverse @ right
         if wide is not None:
-            unknown = unknown + inverse @ (right - self.scaled(wide) @ unknown).astype(self.c.dtype)
+            unknown = unknown + inverse @ (right - self.scale_system(wide) @ unknown).astype(self.c.dtype)
         return np.asarray(unknown * self.size[:, None])
 
     @property

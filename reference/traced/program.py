@@ -39,11 +39,11 @@ class Program:
     outputs: tuple[Operand, ...]
     checks: int = 0
 
-    def formulas(self, shown: Callable[[Operand], str]) -> Iterator[tuple[int, str]]:
-        """Yield each value and its formula, which is valid in C and Python; `shown` formats an operand."""
+    def formulas(self, operand_text: Callable[[Operand], str]) -> Iterator[tuple[int, str]]:
+        """Yield each value and its formula, which is valid in C and Python; `operand_text` formats an operand."""
         signs = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
         for i, (op, args) in enumerate(self.code, self.inputs):
-            first, *rest = map(shown, args)
+            first, *rest = map(operand_text, args)
             if op in signs:
                 yield i, f"{first} {signs[op]} {rest[0]}"
             else:
@@ -52,14 +52,14 @@ class Program:
     def as_c(self, name: str = "sample") -> str:
         """Write the program as readable C."""
 
-        def shown(x: Operand) -> str:
+        def operand_text(x: Operand) -> str:
             if isinstance(x, float):
                 return repr(x)
             return f"x[{x}]" if x < self.inputs else f"v{x}"
 
         lines = [f"void {name}(const double *x, double *out)", "{"]
-        lines += [f"    double v{i} = {formula};" for i, formula in self.formulas(shown)]
-        lines += [f"    out[{i}] = {shown(x)};" for i, x in enumerate(self.outputs)]
+        lines += [f"    double v{i} = {formula};" for i, formula in self.formulas(operand_text)]
+        lines += [f"    out[{i}] = {operand_text(x)};" for i, x in enumerate(self.outputs)]
         return "\n".join([*lines, "}", ""])
 
 

@@ -106,16 +106,16 @@ class VectorMath:
         if op == "max":
             return self.b.select(self.b.fcmp_unordered("<=", *x), x[1], x[0])
         if op == "atan2":
-            return self._angle(*x) if self.inline else self.called("atan2", x, self._angle)
+            return self._angle(*x) if self.inline else self.call("atan2", x, self._angle)
         if x[0] not in self.pairs:
             if self.inline:
                 self.pairs[x[0]] = self._sine_and_cosine(*x)
             else:
-                both = self.called("sincos", x, self._sine_and_cosine)
+                both = self.call("sincos", x, self._sine_and_cosine)
                 self.pairs[x[0]] = (self.b.extract_value(both, 0), self.b.extract_value(both, 1))
         return self.pairs[x[0]][op == "cos"]
 
-    def called(self, name: str, x: list[Any], emit: Any) -> Any:
+    def call(self, name: str, x: list[Any], emit: Any) -> Any:
         """Emit a call to a function of this module; emit the function on first use."""
         if name not in self.functions:
             ir, outer = self.ir, self.b

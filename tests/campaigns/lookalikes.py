@@ -87,7 +87,7 @@ def fixed_links_merged(text: str, rng: Random) -> str:
         for old in [child for child in links[i].element.children if child.tag == "inertial"]:
             xml.replace(old)
         if i not in moved:
-            xml.put(links[i].element, urdf.inertial_text(wholes[i]))
+            xml.insert(links[i].element, urdf.inertial_text(wholes[i]))
     return xml.text()
 
 

@@ -30,7 +30,7 @@ def gaps_open(scene: Scene, names: tuple[str, ...], step: float = 1e-6) -> dict[
         for sign in (1.0, -1.0):
             changed = mechanism_with(scene.mechanism, {name: known[name] + sign * step})
             system = loop_equations(layout(changed))
-            ends.append(system.closed(q).residual(q[:, system.y_columns]) / free.unit)
+            ends.append(system.closing_system(q).residual(q[:, system.y_columns]) / free.unit)
         slope = (ends[0] - ends[1]) / (2.0 * step)
         left = slope - (A @ (back @ slope[..., None]))[..., 0]
         opened[name] = float(np.abs(left).max())

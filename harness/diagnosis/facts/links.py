@@ -92,7 +92,7 @@ def _match_joints(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element,
     left, T = [*other.elements], pair.placed[one.near]
     for x in (x for x in one.elements if x.joint):
         for i, y in enumerate(left):
-            if y.joint and np.linalg.norm(gap(x, y.placed(T), pair.a.length)) < EXACT:
+            if y.joint and np.linalg.norm(gap(x, y.displace(T), pair.a.length)) < EXACT:
                 yield x, y
                 left = left[i + 1 :]
                 break
@@ -330,7 +330,7 @@ def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Element, 
     """Yield features of a link whose locations on a body and on its partner differ, and the distance between them."""
     for body, there in ((one.near, other.near), (one.far, other.far)):
         for x, y in zip(features(one, body), features(other, there), strict=False):
-            y = y.placed(pair.placed[body])
+            y = y.displace(pair.placed[body])
             size = float(np.linalg.norm(gap(x, y, pair.a.length)))
             if size > SUM * TOLERANCE:
                 yield body, x, y, size

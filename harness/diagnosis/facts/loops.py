@@ -106,7 +106,7 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
 def _lone_coupling(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
     """Create the fact for a joint that is coupled or locked in only one model."""
     back = pair.back if side == "B" else {}
-    joint, function = back.get(coupling.joint, coupling.joint), coupling.function.renamed(back)
+    joint, function = back.get(coupling.joint, coupling.joint), coupling.function.rename(back)
     held = not function.terms
     value = np.asarray(function.constant) if held else _leaders(function)
     a, b = (value, None) if side == "A" else (None, value)
@@ -127,11 +127,11 @@ def _compare_couplings(
         free: Joints whose zero is unobservable; a joint is removed once a coupling determines its zero.
     """
     ours, joint, follower = one.function, one.joint, pair.partner(one.joint)
-    other = other.solved(follower.name)
+    other = other.solve_for(follower.name)
     if pair.back.get(other.joint, other.joint) != joint:
         yield from (_lone_coupling(pair, name, one, "A"), _lone_coupling(pair, name, other, "B"))
         return
-    own, theirs = other.function.renamed(pair.back), _function_in_a(pair, other)
+    own, theirs = other.function.rename(pair.back), _function_in_a(pair, other)
     if {*own.terms} != {*ours.terms}:
         a, b = (np.concatenate([*each.polynomials.values()]) for each in (ours, theirs))
         size, more = _size(ours.minus(theirs)), (_leaders(ours), _leaders(own))
@@ -142,12 +142,12 @@ def _compare_couplings(
         free.discard(joint if joint in free else min(turning))
         theirs = theirs.plus(step)
     # if a joint is mounted rotated about its own axis, its coupling rotates with it
-    plain = ours.beside(_function_in_a(pair, other, zeros=False))
+    plain = ours.paired_coefficients(_function_in_a(pair, other, zeros=False))
     along = any(pair.partner(n).zero for n in one.named) and np.abs(np.subtract(*plain)).max() < SAME
     if not along and (size := _size(ours.minus(theirs))) > SAME:
-        changes = (Change(name, "polynomial", ours.beside(own)[1]),)
+        changes = (Change(name, "polynomial", ours.paired_coefficients(own)[1]),)
         several = tuple(ours.terms) if len(ours.terms) > 1 else ()
-        a, b = ours.beside(theirs)
+        a, b = ours.paired_coefficients(theirs)
         yield Fact(joint, "polynomial", a, b, "", size, changes=changes, of=_leaders(ours), more=several)
 
 
@@ -157,12 +157,12 @@ def _function_in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True)
     Args:
         zeros: Measure coordinates from A's zeros.
     """
-    function, back = coupling.function.renamed(pair.back), pair.back
+    function, back = coupling.function.rename(pair.back), pair.back
     partners = {name: pair.partner(name) for name in (*function.terms, back.get(coupling.joint, coupling.joint))}
     starts = {name: each.zero if zeros else 0.0 for name, each in partners.items()}
     joint, follower = partners.popitem()
     signs = {name: each.sign for name, each in partners.items()}
-    return function.counted(starts, signs).plus(-starts[joint]).times(follower.sign)
+    return function.change_variables(starts, signs).plus(-starts[joint]).times(follower.sign)
 
 
 def _are_equivalent(pair: Pair) -> bool:
@@ -214,7 +214,7 @@ def _stays(machine: Machine, link: Link, body: str, T: Array) -> bool:
     same = still and bool(np.abs(matter.inertia - turned.inertia).max() < ROUND * size)
     own = link.of(body)
     others = [f for each in machine.at(body) if each.names != own.names for f in features(each, body)]
-    return same and all(bool(np.linalg.norm(gap(f, f.placed(T), machine.length)) < ROUND) for f in others)
+    return same and all(bool(np.linalg.norm(gap(f, f.displace(T), machine.length)) < ROUND) for f in others)
 
 
 def softness_facts(pair: Pair) -> Iterator[Fact]:

@@ -44,7 +44,7 @@ def _hidden_links(pair: Pair) -> Iterator[tuple[str, Link]]:
     """Find links to unmatched bodies whose mass is included in that of their neighbour's partner."""
     for side, each in (("A", pair), ("B", pair.inverse)):
         partners = each.bodies
-        for link in (end for one in each.only_a for end in (one, one.reversed())):
+        for link in (end for one in each.only_a for end in (one, one.reverse())):
             if link.far in partners or link.near not in partners or link.near == GROUND:
                 continue
             bare, more = (each.a.bodies[name].matter.mass for name in (link.near, link.far))
@@ -252,7 +252,7 @@ def compare_content(pair: Pair) -> tuple[list[Fact], Sided, Sided]:
     }
     alike = all(name == partner.name for name, partner in pair.joints.items())
     facts, fates = list[Fact](), {"withheld": list[tuple[str, Content]](), "aside": list[tuple[str, Content]]()}
-    theirs = [each.renamed(names) for each in b.content]
+    theirs = [each.rename(names) for each in b.content]
     for one, other in _pairs(_drop_lone(a.content, pair), _drop_lone(theirs, pair)):
         fate = _fate(one, other, (a, b), alike=alike)
         if fate == "differs":

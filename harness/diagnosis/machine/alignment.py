@@ -257,7 +257,7 @@ class _Walk:
         a, b, T = self.a, self.b, self.placed[one.near]
         cost = 1.5 * (one.kind != other.kind) + self._names(one, other)
         for mine, yours in zip(features(one, one.near), features(other, other.near), strict=False):
-            cost += min(1.0, 10.0 * float(np.linalg.norm(gap(mine, yours.placed(T), a.length))))
+            cost += min(1.0, 10.0 * float(np.linalg.norm(gap(mine, yours.displace(T), a.length))))
         cost += UNLIKE * (_roles(a.reading, one) != _roles(b.reading, other))
         first, second = a.bodies[one.far], b.bodies[other.far]
         cost += min(1.0, abs(math.log((first.matter.mass + 1e-9) / (second.matter.mass + 1e-9))))

@@ -25,7 +25,7 @@ def features(link: Link, body: str) -> list[Element]:
     if link.kind == "F":
         return []
     if body != link.near and link.step is not None:
-        return [each.placed(link.step) for each in features(replace(link, step=None), body)]
+        return [each.displace(link.step) for each in features(replace(link, step=None), body)]
     if link.kind == "S" and link.centre is not None:
         return [Element("ball", np.zeros(6), link.centre)]
     element = link.elements[0 if body == link.near else -1]

@@ -63,8 +63,8 @@ class Pair:
         """Fuse an unmatched body of one machine into its neighbour."""
         if side == "B":
             return self.inverse.fuse(gone, "A").inverse
-        links = tuple((one.renamed(gone.far, gone.near), other) for one, other in self.links)
-        only = (one.renamed(gone.far, gone.near) for one in self.only_a)
+        links = tuple((one.rename_body(gone.far, gone.near), other) for one, other in self.links)
+        only = (one.rename_body(gone.far, gone.near) for one in self.only_a)
         only_a = tuple(one for one in only if one.near != one.far)
         return replace(self, a=fuse(self.a, gone), links=links, only_a=only_a)
 

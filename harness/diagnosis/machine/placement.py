@@ -101,7 +101,7 @@ def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -
     if same and len(one.elements) == len(other.elements):
         yield coordinate_placement(a, b, links, near)
     yield near
-    mine, yours = features(one, one.near), [each.placed(near) for each in features(other, other.near)]
+    mine, yours = features(one, one.near), [each.displace(near) for each in features(other, other.near)]
     if mine and yours and mine[0].kind == yours[0].kind:
         yield lay(mine[0], yours[0]) @ near
     first, second = a.bodies[one.far], b.bodies[other.far]
@@ -276,7 +276,7 @@ def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
         T: Placement of B's world frame in A's. Shape (4, 4).
     """
     ours, theirs = (features(link, link.near) for link in links)
-    gaps = (np.linalg.norm(gap(x, y.placed(T), a.length)) for x, y in zip(ours, theirs, strict=False))
+    gaps = (np.linalg.norm(gap(x, y.displace(T), a.length)) for x, y in zip(ours, theirs, strict=False))
     return float(max(gaps, default=0.0))
 
 

@@ -167,7 +167,7 @@ class MujocoTree(OpenTree):
             kinds[joint] = int(self.model.eq_type[e])
         joints = {joint.name: joint for joint in file.joints}
         closures = [self._closure(joint, pairs, kinds[joint]) for joint, pairs in pairs_of.items()]
-        return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
+        return tuple(c.orient(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
         """Read couplings from the file's equalities, and solve each equality for the coordinate in the loops file.
@@ -186,7 +186,7 @@ class MujocoTree(OpenTree):
             for name, one in readings.items()
             if one
         )
-        return tuple(one.solved(coordinates.get(one.name, "")) for one in couplings)
+        return tuple(one.solve_for(coordinates.get(one.name, "")) for one in couplings)
 
     def _closure(self, joint: str, pairs: list[tuple[int, int]], kind: int) -> Closure:
         model, weld = self.model, kind == mujoco.mjtEq.mjEQ_WELD

@@ -91,7 +91,7 @@ class TracedForward:
 
     def lend(self, branch: BranchPose) -> None:
         """Move a branch to the pose from which the next pose is predicted."""
-        branch.put(self._coordinates(branch.q.copy()))
+        branch.set_pose(self._coordinates(branch.q.copy()))
 
     def learn(self, q: Array, K: Array, condition: float) -> None:
         """Continue from a pose that the program could not solve.

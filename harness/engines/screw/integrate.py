@@ -63,7 +63,7 @@ class _Near(Exception):
     def __str__(self) -> str:
         """Build the message only on demand, because most such poses are stepped over."""
         mechanism = self.lay.mechanism
-        where = mechanism.described(self.q[mechanism.independent_columns])
+        where = mechanism.pose_text(self.q[mechanism.independent_columns])
         why = near_singularity(self.lay, self.q[None])
         return f"the pose {where} is nearly singular (condition {self.condition:.1e}): {why}"
 

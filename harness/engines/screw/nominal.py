@@ -108,7 +108,7 @@ class NominalMachine:
         for rows, what in ((lost, LOST), (twice, TWICE)):
             if rows.any():
                 first = int(np.argmax(rows))
-                where = f"row {first} ({self.scene.mechanism.described(motion.y[first])})"
+                where = f"row {first} ({self.scene.mechanism.pose_text(motion.y[first])})"
                 raise ClosureError(what, where, "use samples nearer to the home pose, or pass t")
         return mode.close(guess)
 
@@ -145,7 +145,7 @@ class Slopes:
         run.bind([stack_inputs(self._symbols, poses, self.nominal)], [entries])()
         change = np.ascontiguousarray(np.moveaxis(entries.reshape(-1, P, n), -1, 0))
         loops = loop_equations(self.machine.lay)
-        system, size = loops.closed(poses.q).system, loops.size[: loops.moving, None]
+        system, size = loops.closing_system(poses.q).system, loops.size[: loops.moving, None]
         slopes = -(system.inverse / loops.unit * size) @ change
         opens = change / loops.unit[:, None] + system.A[..., : loops.moving] @ (slopes / size)
         places = [loops.unknown.index(c) for c in self.predicted]

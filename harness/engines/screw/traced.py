@@ -227,7 +227,7 @@ class TracedWork:
             if rows.any():
                 first, count = int(np.argmax(rows)), int(np.count_nonzero(rows))
                 others = f" and {count - 1} more rows" if count > 1 else ""
-                where = f"row {motion.t[first]:.0f} ({self.lay.mechanism.described(motion.y[first])}){others}"
+                where = f"row {motion.t[first]:.0f} ({self.lay.mechanism.pose_text(motion.y[first])}){others}"
                 raise ClosureError(what, where, remedy)
         return guess
 

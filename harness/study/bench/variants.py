@@ -152,7 +152,7 @@ def differences(lay: Layout, problem: Problem) -> Arrays:
 def without_drift(lay: Layout, problem: Problem) -> Arrays:
     """Compute accelerations from ``A a = [0; ydd]``, neglecting the velocity terms of the loops."""
     motion = given_motion(problem)
-    at = loop_equations(lay).closed(positions(lay, motion.y, motion.t))
+    at = loop_equations(lay).closing_system(positions(lay, motion.y, motion.t))
     a = at.solve(motion.ydd)
     return {"joint_acceleration": at.joint_rates(a, twists(at.pose, a))}
 
