@@ -23,7 +23,7 @@ def off(found, A):
 @pytest.mark.parametrize("n", [0, 1, 7, 16, 127, 128, 129, 300])
 def test_inverses_along_a_motion_are_those_of_each(n):
     A = along(n)
-    found, condition = linear.inverted_along(A)
+    found, condition = linear.invert_along(A)
     assert found.shape == A.shape
     if n:
         assert off(found, A) < ROUNDING
@@ -34,19 +34,19 @@ def test_inverses_along_a_motion_are_those_of_each(n):
 def test_a_jump_a_steep_change_or_bad_conditioning_costs_no_digit(at):
     A = along(200)
     A[at:] = along(200 - at, seed=1)
-    assert off(linear.inverted_along(A)[0], A) < ROUNDING
+    assert off(linear.invert_along(A)[0], A) < ROUNDING
     A = along(200, step=0.05)
-    assert off(linear.inverted_along(A)[0], A) < ROUNDING
+    assert off(linear.invert_along(A)[0], A) < ROUNDING
     A = along(200)
     A[at, 0] = A[at, 1] + 1e-9
-    assert off(linear.inverted_along(A)[0], A) < ROUNDING
+    assert off(linear.invert_along(A)[0], A) < ROUNDING
 
 
 def test_of_a_singular_one_and_of_no_number_there_is_no_inverse():
     A = along(40)
     A[17, 0] = A[17, 1]
     A[23] = np.nan
-    found, condition = linear.inverted_along(A)
+    found, condition = linear.invert_along(A)
     rest = np.delete(np.arange(40), [17, 23])
     assert off(found[rest], A[rest]) < ROUNDING
     assert condition[17] > linear.SINGULAR
@@ -58,7 +58,7 @@ def test_of_a_singular_one_and_of_no_number_there_is_no_inverse():
 def test_tall_systems_are_solved_by_least_squares_whatever_their_rank(size):
     A = np.random.default_rng(3).normal(size=(20, 8, 5))
     A[..., 4] = A[..., 0] + size * A[..., 4]
-    found, condition = linear.inverted(A)
+    found, condition = linear.invert(A)
     assert (condition > linear.SINGULAR).all() == (size == 0.0)
     b = A @ np.ones((5, 1))
     assert np.abs(A @ (found @ b) - b).max() < 1e-9
