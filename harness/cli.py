@@ -174,7 +174,7 @@ def _parser() -> argparse.ArgumentParser:
     def scene(add: Any) -> None:
         add("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help=NAMED)
 
-    def executed(add: Any, what: str) -> None:
+    def add_execution(add: Any, what: str) -> None:
         add("-j", "--jobs", type=int, metavar="N", help=f"{what} at a time (1)")
         add("--cluster", metavar="ADDRESS|FILE", help=f"run {what} on the Dask cluster of this scheduler")
 
@@ -256,7 +256,7 @@ def _parser() -> argparse.ArgumentParser:
     budget = "start no measurement after this time (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--limit", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
-    executed(add, "contestants")
+    add_execution(add, "contestants")
 
     add = command(
         commands.stress,
@@ -267,7 +267,7 @@ def _parser() -> argparse.ArgumentParser:
     add("cases", nargs="*", metavar="CASE", help="default: all, see 'list cases'")
     add("--quick", action="store_true", help="use fewer severities and smaller scenes, with the same columns")
     add("--severity", metavar="A,B", help="severities to run, if a single case is named")
-    executed(add, "severities")
+    add_execution(add, "severities")
 
     add = command(commands.sweep, "solve many variants of a scene, and rank its numbers by their effect", out="SWEEP")
     add(
@@ -276,7 +276,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="SWEEP.toml",
         help="file with the scene, the numbers to vary, and how many variants to solve",
     )
-    executed(add, "chunks of variants")
+    add_execution(add, "chunks of variants")
 
     add = command(
         commands.identify,
@@ -364,7 +364,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--update", action="store_true", help="write the result of this check as the new baseline")
     add("--junit", type=_path, metavar="FILE", help="also write JUnit XML")
-    executed(add, "scenes")
+    add_execution(add, "scenes")
     add("--json", action="store_true", help="print all results as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more memory (the machine's memory)")
@@ -377,7 +377,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--pin", metavar="A,B", help="versions of Pinocchio (the installed version)")
     add("--mujoco", metavar="A,B", help="versions of MuJoCo (the installed version)")
-    executed(add, "pairs")
+    add_execution(add, "pairs")
     parser.description = _overview(known)
     parser.epilog = EXIT_STATUS
     return parser

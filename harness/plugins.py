@@ -113,7 +113,7 @@ from screwgauge.problem import (
     quiet,
 )
 from screwgauge.quantities import GIVEN, OF_MOTION, Names, length, stages
-from screwgauge.quantities import described as names
+from screwgauge.quantities import description_names as names
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring
 from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.courses import Course, Samples

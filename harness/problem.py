@@ -81,7 +81,7 @@ class GivenMotion(_ReadOnly):
     def part(self, rows: slice | Rows) -> GivenMotion:
         return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows], self.drive, self.idle)
 
-    def ordered(self, columns: list[int]) -> GivenMotion:
+    def reorder(self, columns: list[int]) -> GivenMotion:
         """Return the motion with its independent coordinates in a given order."""
         drive = None if self.drive is None else partial(_reorder, self.drive, columns)
         idle = tuple(columns.index(i) for i in self.idle)
@@ -90,7 +90,7 @@ class GivenMotion(_ReadOnly):
 
 def _reorder(drive: Callable[[Array], GivenMotion], columns: list[int], t: Array) -> GivenMotion:
     """Return the motion at times [s] with its independent coordinates in a given order."""
-    return drive(t).ordered(columns)
+    return drive(t).reorder(columns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class InitialValue(_ReadOnly):
         """The output times, preceded by the start time [s]. Shape (n,) or (n + 1,)."""
         return self.t if self.t[0] == self.since else np.concatenate([[self.since], self.t])
 
-    def ordered(self, columns: list[int]) -> InitialValue:
+    def reorder(self, columns: list[int]) -> InitialValue:
         """Return the initial value with its independent coordinates in a given order."""
         return replace(self, start=self.start[columns], rates=self.rates[columns])
 

@@ -259,7 +259,7 @@ def _ratios(
     return tuple(every), tuple(every.values())
 
 
-def described(mechanism: Mechanism, points: Sequence[Point] = ()) -> Names:
+def description_names(mechanism: Mechanism, points: Sequence[Point] = ()) -> Names:
     """Return the names and units that the description alone determines, without coordinates of an engine's tree.
 
     Args:

@@ -194,7 +194,7 @@ class Solution:
     lacks: Mapping[str, str] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
 
-    def arranged(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
+    def reorder(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
         """Return the solution with the components of given quantities in a given order."""
         moved = {name: order[name] for name in {*order} & {*self.values} if order[name] != self.values[name].components}
         values = {name: self.values[name].pick(components) for name, components in moved.items()}
@@ -259,13 +259,13 @@ class Clock:
 
 
 class Stopwatch:
-    """Wall and processor time, excluding work within `aside`."""
+    """Wall and processor time, excluding work within `pause`."""
 
     def __init__(self) -> None:
         self.wall, self.cpu = perf_counter(), process_time()
 
     @contextmanager
-    def aside(self) -> Iterator[None]:
+    def pause(self) -> Iterator[None]:
         """Exclude the time spent in the context."""
         wall, cpu = perf_counter(), process_time()
         yield

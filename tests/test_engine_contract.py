@@ -92,12 +92,12 @@ def entry(engine_name: str) -> Iterator[Engine]:
         yield engine
 
 
-def test_components_are_those_that_users_rely_on(answered, loaded) -> None:
-    if loaded.mechanism.name != "3ups-upu-s-asymmetric":
+def test_components_are_those_that_users_rely_on(answer, subject) -> None:
+    if subject.mechanism.name != "3ups-upu-s-asymmetric":
         pytest.skip("it takes other mechanisms only")
-    assert {*answered.values} == {*GIVEN} - {*loaded.engine.lacks}
-    for name, values in answered.values.items():
-        expected = components(name, loaded.engine.cut)
+    assert {*answer.values} == {*GIVEN} - {*subject.engine.lacks}
+    for name, values in answer.values.items():
+        expected = components(name, subject.engine.cut)
         assert dict(zip(values.components, values.units, strict=True)) == expected, name
         assert values.components == tuple(expected), name
 
@@ -113,8 +113,8 @@ def test_a_scene_is_put_to_engines_that_take_its_task(entry) -> None:
                 check_engines([entry.name], task=task)
 
 
-def test_a_simulation_says_its_method(fallen) -> None:
-    assert "DOP853, rtol 1e-06, atol 1e-08" in fallen.setting
+def test_a_simulation_says_its_method(fall_answer) -> None:
+    assert "DOP853, rtol 1e-06, atol 1e-08" in fall_answer.setting
 
 
 def test_mechanisms_of_the_contract_have_all_that_there_is() -> None:

@@ -26,7 +26,7 @@ def motion(idle: tuple[int, ...], *, off: float = 0.0) -> GivenMotion:
 def test_parts_keep_idle_coordinates_and_order_moves_them():
     one = motion((1,))
     assert one.part(slice(0, 2)).idle == (1,)
-    turned = one.ordered([1, 0])
+    turned = one.reorder([1, 0])
     assert turned.idle == (0,)
     np.testing.assert_array_equal(turned.y[:, 0], one.y[:, 1])
 

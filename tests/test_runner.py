@@ -69,11 +69,11 @@ def test_a_table_is_made_of_rows_of_the_same_code_and_of_what_was_asked(tmp_path
 def test_long_work_says_its_rate_and_what_is_left():
     now = iter([0.0, 1.0, 10.0, 20.0])
     pace = TaskRate(1000, lambda: next(now))
-    assert pace.shown("scene") == "scene"
+    assert pace.add_rate("scene") == "scene"
     pace.done = 5
-    assert pace.shown("scene") == "scene (5 of 1000, 0.5/s, 33 min left)"
+    assert pace.add_rate("scene") == "scene (5 of 1000, 0.5/s, 33 min left)"
     pace.done = 1000
-    assert pace.shown("scene") == "scene (1000 of 1000, 50/s, 0 s left)"
+    assert pace.add_rate("scene") == "scene (1000 of 1000, 50/s, 0 s left)"
 
 
 def test_options_say_where_tasks_run():

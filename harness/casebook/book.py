@@ -69,7 +69,7 @@ class Case:
         older = [tried for tried in measured if _is_no_newer(tried, versions)]
         return bool(older) and max(older, key=version_key) in self.shown
 
-    def named(self, versions: Sequence[str]) -> str:
+    def engines_text(self, versions: Sequence[str]) -> str:
         """Join the names of the engines and their versions: ``pinocchio 4.1.0 and mujoco 4.0.0``."""
         return " and ".join(map(" ".join, zip(self.engines, versions, strict=True)))
 

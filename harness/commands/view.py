@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from screwgauge.commands import import_named
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.outputs import check_free, save_file
-from screwgauge.report.console import complain, say, stopped
+from screwgauge.report.console import complain, is_stopped, say
 
 if TYPE_CHECKING:
     from screwgauge.reference.mechanism import Mechanism
@@ -148,7 +148,7 @@ def _serve(text: bytes, port: int) -> int:
 
     class Server(ThreadingHTTPServer):
         def service_actions(self) -> None:
-            if stopped():  # interrupted while a thread was started, which suppresses the exception
+            if is_stopped():  # interrupted while a thread was started, which suppresses the exception
                 raise KeyboardInterrupt
 
         def handle_error(self, *request: object) -> None:

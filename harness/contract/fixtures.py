@@ -19,10 +19,10 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.answers import declared_lacks
-from screwgauge.study.methods import missing
+from screwgauge.study.methods import describe_import_error
 from screwgauge.study.solving import generated_models, model_files
 
-__all__ = ["answered", "entry", "fall", "fallen", "given", "loaded", "pushed"]
+__all__ = ["answer", "entry", "fall", "fall_answer", "push", "question", "subject"]
 
 #: Errors with which an engine rejects a mechanism or a problem.
 REFUSALS = (DescriptionError, ModelFileError)
@@ -76,7 +76,7 @@ def _reject(entry: Engine, what: str) -> NoReturn:
 
 
 @pytest.fixture(scope="session")
-def loaded(entry: Engine) -> Iterator[Loaded]:
+def subject(entry: Engine) -> Iterator[Loaded]:
     """Yield the engine with the first scene that it accepts; fail if it accepts none."""
     if not entry.tasks:
         _reject(entry, "accepts no task; list GivenMotion, InitialValue or States in `tasks` of its Engine")
@@ -96,52 +96,52 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
                 refused.append(f"{name}: {error}")
                 continue
             except ImportError as error:
-                _reject(entry, missing(error, entry))
+                _reject(entry, describe_import_error(error, entry))
             yield Loaded(entry, files, model, scene, quantities)
             return
     _reject(entry, f"refuses all mechanisms that the fixtures try ({' '.join(refused)}); accept at least one of them")
 
 
 @pytest.fixture(scope="session")
-def given(loaded: Loaded) -> Problem:
+def question(subject: Loaded) -> Problem:
     """Return a problem that requests all quantities of the engine for a given motion."""
-    loaded.takes(GivenMotion)
-    return loaded.scene.problem(loaded.quantities)
+    subject.takes(GivenMotion)
+    return subject.scene.problem(subject.quantities)
 
 
 @pytest.fixture(scope="session")
-def answered(loaded: Loaded, given: Problem) -> Solution:
-    return loaded.ask(given)
+def answer(subject: Loaded, question: Problem) -> Solution:
+    return subject.ask(question)
 
 
 @pytest.fixture(scope="session")
-def fall(loaded: Loaded) -> Problem:
+def fall(subject: Loaded) -> Problem:
     """Return a short simulation that starts from a state of the given motion, under the forces of its scene."""
-    loaded.takes(InitialValue)
-    task = loaded.scene.task
+    subject.takes(InitialValue)
+    task = subject.scene.task
     assert isinstance(task, GivenMotion)
     t = np.array([0.0, 0.01, 0.03])
     return Problem(
-        loaded.scene.applied, InitialValue(task.y[0], task.yd[0], 0.0, t, Integration(rtol=1e-6, atol=1e-8)), MOTION
+        subject.scene.applied, InitialValue(task.y[0], task.yd[0], 0.0, t, Integration(rtol=1e-6, atol=1e-8)), MOTION
     )
 
 
 @pytest.fixture(scope="session")
-def fallen(loaded: Loaded, fall: Problem) -> Solution:
-    return loaded.ask(fall)
+def fall_answer(subject: Loaded, fall: Problem) -> Solution:
+    return subject.ask(fall)
 
 
 @pytest.fixture(scope="session")
-def pushed(loaded: Loaded) -> Problem:
+def push(subject: Loaded) -> Problem:
     """Return a problem that asks for accelerations at states of the given motion, under gravity and random forces."""
-    loaded.takes(States)
-    loaded.takes(GivenMotion)
-    loaded.has(*MOTION)
-    names = loaded.mechanism.coordinates
-    if loaded.engine.cut:
-        loaded.has("tree_force")
-        names = loaded.ask(loaded.scene.problem(["tree_force"])).values["tree_force"].components
-    motion = loaded.ask(loaded.scene.problem(MOTION)).values
+    subject.takes(States)
+    subject.takes(GivenMotion)
+    subject.has(*MOTION)
+    names = subject.mechanism.coordinates
+    if subject.engine.cut:
+        subject.has("tree_force")
+        names = subject.ask(subject.scene.problem(["tree_force"])).values["tree_force"].components
+    motion = subject.ask(subject.scene.problem(MOTION)).values
     q, v = (motion[name].pick(names).array for name in ("joint_position", "joint_velocity"))
     task = States(names, q, v, tau=100.0 * np.cos(1.0 + np.arange(q.size).reshape(q.shape)))
-    return Problem(replace(loaded.scene.applied, loads=()), task, frozenset(("joint_acceleration",)))
+    return Problem(replace(subject.scene.applied, loads=()), task, frozenset(("joint_acceleration",)))

@@ -9,7 +9,7 @@ import pytest
 
 from screwgauge.contract.fixtures import Loaded
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.quantities import FORCE, described, number_type
+from screwgauge.quantities import FORCE, description_names, number_type
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 
@@ -37,13 +37,13 @@ def check_same(one: Solution, other: Solution) -> None:
         assert same, f"{name} differ in a repeated call; make `solve` independent of earlier calls"
 
 
-def test_components_units_and_shapes(loaded: Loaded, given: Problem, answered: Solution) -> None:
-    assert {*answered.values} == {*given.wanted}, "return all wanted quantities, or list missing quantities in `lacks`"
-    assert answered.version, "Solution.version is empty; set it to the library's version"
-    n, known = len(given.task), described(loaded.mechanism)
-    assert answered.condition.shape == (n,), "Solution.condition must have a number for each sample, or 1 if unknown"
-    coordinates = dict(zip(loaded.mechanism.coordinates, loaded.mechanism.units, strict=True))
-    for name, values in answered.values.items():
+def test_components_units_and_shapes(subject: Loaded, question: Problem, answer: Solution) -> None:
+    assert {*answer.values} == {*question.wanted}, "return all wanted quantities, or list missing quantities in `lacks`"
+    assert answer.version, "Solution.version is empty; set it to the library's version"
+    n, known = len(question.task), description_names(subject.mechanism)
+    assert answer.condition.shape == (n,), "Solution.condition must have a number for each sample, or 1 if unknown"
+    coordinates = dict(zip(subject.mechanism.coordinates, subject.mechanism.units, strict=True))
+    for name, values in answer.values.items():
         components, units = known[name]
         if name.startswith("tree_force"):  # for the joints in the engine's tree
             components = tuple(c for c in coordinates if c in values.components)
@@ -56,106 +56,106 @@ def test_components_units_and_shapes(loaded: Loaded, given: Problem, answered: S
 
 @pytest.mark.parametrize("quantity", ["joint_position", "body_angular_velocity", "com_acceleration", "actuator_force"])
 def test_nothing_but_what_is_wanted_is_answered(
-    loaded: Loaded, given: Problem, answered: Solution, quantity: str
+    subject: Loaded, question: Problem, answer: Solution, quantity: str
 ) -> None:
-    loaded.has(quantity)
-    alone = loaded.ask(loaded.scene.problem([quantity]))
+    subject.has(quantity)
+    alone = subject.ask(subject.scene.problem([quantity]))
     assert {*alone.values} == {quantity}, "return only the quantities that `problem.wanted` names"
     assert {*alone.errors} <= {quantity}
-    if loaded.engine.name != "truth":  # truth encloses only the requested values, as tightly as they need
-        same = np.array_equal(alone.values[quantity].array, answered.values[quantity].array)
+    if subject.engine.name != "truth":  # truth encloses only the requested values, as tightly as they need
+        same = np.array_equal(alone.values[quantity].array, answer.values[quantity].array)
         assert same, f"{quantity} depends on which other quantities are wanted"
 
 
-def test_the_input_stays_as_it_is_and_may_be_read_only(loaded: Loaded, given: Problem, answered: Solution) -> None:
-    motion, gravity = given.task, given.applied.g
+def test_the_input_stays_as_it_is_and_may_be_read_only(subject: Loaded, question: Problem, answer: Solution) -> None:
+    motion, gravity = question.task, question.applied.g
     assert isinstance(motion, GivenMotion)
     copies = [x.copy() for x in (motion.t, motion.y, motion.yd, motion.ydd, gravity)]
     for array in copies:
         array.setflags(write=False)
-    applied = replace(given.applied, gravity=copies[4])
+    applied = replace(question.applied, gravity=copies[4])
     loads = [load.numbers() for load in applied.loads]
     t, y, yd, ydd, _ = copies
-    check_same(answered, loaded.ask(replace(given, applied=applied, task=GivenMotion(t, y, yd, ydd))))
+    check_same(answer, subject.ask(replace(question, applied=applied, task=GivenMotion(t, y, yd, ydd))))
     for array, before in zip(copies, (motion.t, motion.y, motion.yd, motion.ydd, gravity), strict=True):
         assert np.array_equal(array, before), "the engine writes into the problem; copy its arrays first"
     assert [load.numbers() for load in applied.loads] == loads
 
 
-def test_what_is_answered_cannot_be_changed(answered: Solution) -> None:
-    for values in answered.values.values():
+def test_what_is_answered_cannot_be_changed(answer: Solution) -> None:
+    for values in answer.values.values():
         with pytest.raises(ValueError, match="read-only"):
             values.array[0, 0] = 1.0
 
 
-def test_it_may_be_asked_anything_in_any_order(loaded: Loaded, given: Problem, request: pytest.FixtureRequest) -> None:
+def test_questions_may_come_in_any_order(subject: Loaded, question: Problem, request: pytest.FixtureRequest) -> None:
     """A task gives bitwise equal answers when repeated after different tasks and gravity, and with a reloaded model."""
-    problems = [given, replace(given, applied=replace(given.applied, gravity=np.array([1.0, 2.0, 3.0])))]
-    for task, fixture in (("InitialValue", "fall"), ("States", "pushed")):
-        if task in {kind.__name__ for kind in loaded.engine.tasks} and loaded.engine.cut != "full":
+    problems = [question, replace(question, applied=replace(question.applied, gravity=np.array([1.0, 2.0, 3.0])))]
+    for task, fixture in (("InitialValue", "fall"), ("States", "push")):
+        if task in {kind.__name__ for kind in subject.engine.tasks} and subject.engine.cut != "full":
             problems.append(request.getfixturevalue(fixture))
-    first = [loaded.ask(problem) for problem in problems]
+    first = [subject.ask(problem) for problem in problems]
     for problem, solution in reversed([*zip(problems, first, strict=True)]):
-        check_same(solution, loaded.ask(problem))
-    check_same(first[0], loaded.engine.load(loaded.files).solve(given))
+        check_same(solution, subject.ask(problem))
+    check_same(first[0], subject.engine.load(subject.files).solve(question))
 
 
-def test_nothing_is_printed(loaded: Loaded, given: Problem, capfd: pytest.CaptureFixture[str]) -> None:
-    loaded.engine.load(loaded.files).solve(given)
+def test_nothing_is_printed(subject: Loaded, question: Problem, capfd: pytest.CaptureFixture[str]) -> None:
+    subject.engine.load(subject.files).solve(question)
     printed = "".join(capfd.readouterr())
     assert not printed, "the engine prints; turn off the output of its library, or move it to `Solution.notes`"
 
 
-def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
+def test_gravity_may_be_left_out(subject: Loaded, question: Problem) -> None:
     """If gravity is None, engines use the gravity of the model file, or else `GRAVITY`, the gravity of the scene."""
-    quantity = _force_of(loaded)
-    problem = replace(given, wanted=frozenset((quantity,)))
+    quantity = _force_of(subject)
+    problem = replace(question, wanted=frozenset((quantity,)))
     left = replace(problem, applied=replace(problem.applied, gravity=None))
-    said, kept = (loaded.ask(one).values[quantity].array for one in (problem, left))
+    said, kept = (subject.ask(one).values[quantity].array for one in (problem, left))
     assert np.array_equal(said, kept), "use problem.applied.g if `gravity` is None and the model file has no gravity"
 
 
-def _force_of(loaded: Loaded) -> str:
+def _force_of(subject: Loaded) -> str:
     """Return a force quantity that the engine computes; skip the test if it computes none."""
     for name in ("generalized_force", "actuator_force", "tree_force"):
-        if name in loaded.quantities:
+        if name in subject.quantities:
             return name
-    loaded.has("generalized_force")
+    subject.has("generalized_force")
     raise AssertionError
 
 
-def test_forces_are_linear_in_the_accelerations(loaded: Loaded, given: Problem) -> None:
-    quantity, motion = _force_of(loaded), given.task
+def test_forces_are_linear_in_the_accelerations(subject: Loaded, question: Problem) -> None:
+    quantity, motion = _force_of(subject), question.task
     assert isinstance(motion, GivenMotion)
 
     def force(factor: float) -> Array:
         task = replace(motion, ydd=factor * motion.ydd, drive=None)
-        return loaded.ask(replace(loaded.scene, task=task).problem([quantity])).values[quantity].array
+        return subject.ask(replace(subject.scene, task=task).problem([quantity])).values[quantity].array
 
     rest, once, twice = (force(factor) for factor in (0.0, 1.0, 2.0))
     assert np.abs(once - rest).max() > SLOWEST * np.abs(once).max(), f"accelerations do not affect {quantity}"
-    rounding = LINEAR * number_type(loaded.engine.name).limit * np.abs(twice).max()
+    rounding = LINEAR * number_type(subject.engine.name).limit * np.abs(twice).max()
     assert np.abs((twice - rest) - 2.0 * (once - rest)).max() < rounding, f"{quantity} is not linear in accelerations"
 
 
-def test_progress_goes_from_nothing_to_all(loaded: Loaded, given: Problem) -> None:
+def test_progress_goes_from_nothing_to_all(subject: Loaded, question: Problem) -> None:
     shares: list[float] = []
-    loaded.ask(replace(given, task=_part(given)), progress=shares.append)
+    subject.ask(replace(question, task=_part(question)), progress=shares.append)
     assert shares == sorted(shares), "progress goes back"
     assert all(0.0 <= share <= 1.0 for share in shares), "progress must be a fraction from 0 to 1"
 
 
-def _part(given: Problem) -> GivenMotion:
-    assert isinstance(given.task, GivenMotion)
-    return given.task.part(slice(0, 1))
+def _part(question: Problem) -> GivenMotion:
+    assert isinstance(question.task, GivenMotion)
+    return question.task.part(slice(0, 1))
 
 
-def test_what_progress_raises_ends_the_work(loaded: Loaded, given: Problem) -> None:
+def test_what_progress_raises_ends_the_work(subject: Loaded, question: Problem) -> None:
     """An exception raised in the progress function stops the run, so it must be called at least once."""
 
     def stop(share: float) -> None:
         raise KeyboardInterrupt
 
-    problem = loaded.scene.at([0.217]).problem([loaded.quantities[0]])  # a time without a cached answer
+    problem = subject.scene.at([0.217]).problem([subject.quantities[0]])  # a time without a cached answer
     with pytest.raises(KeyboardInterrupt):
-        loaded.ask(problem, progress=stop)
+        subject.ask(problem, progress=stop)

@@ -41,46 +41,46 @@ def test_the_entry_says_what_the_engine_is(entry: Engine) -> None:
     assert all(why.strip() for why in entry.refuses.values()), "`refuses` must give a reason for each feature"
 
 
-def test_it_takes_something_and_gives_nothing_that_it_lacks(loaded: Loaded, given: Problem) -> None:
-    assert loaded.quantities
-    every = replace(given, wanted=frozenset((*given.wanted, *loaded.engine.lacks)))
-    given_though = {*loaded.ask(every).values} & {*loaded.engine.lacks}
+def test_it_takes_something_and_gives_nothing_that_it_lacks(subject: Loaded, question: Problem) -> None:
+    assert subject.quantities
+    every = replace(question, wanted=frozenset((*question.wanted, *subject.engine.lacks)))
+    given_though = {*subject.ask(every).values} & {*subject.engine.lacks}
     assert not given_though, f"`lacks` names quantities that the engine computes: {', '.join(sorted(given_though))}"
 
 
-def test_another_number_of_independent_coordinates_is_refused(loaded: Loaded, given: Problem) -> None:
-    n, k = len(given.task), len(loaded.mechanism.independent)
+def test_another_number_of_independent_coordinates_is_refused(subject: Loaded, question: Problem) -> None:
+    n, k = len(question.task), len(subject.mechanism.independent)
     none = np.zeros((n, k + 1))
-    wide = GivenMotion(loaded.scene.t, none, none, none)
+    wide = GivenMotion(subject.scene.t, none, none, none)
     with pytest.raises(ScrewgaugeError, match=rf"has {k} independent coordinates, .*motion .*{k + 1}"):
-        loaded.ask(replace(given, task=wide))
+        subject.ask(replace(question, task=wide))
 
 
-def test_a_start_of_another_number_of_coordinates_is_refused(loaded: Loaded, fall: Problem) -> None:
+def test_a_start_of_another_number_of_coordinates_is_refused(subject: Loaded, fall: Problem) -> None:
     assert isinstance(fall.task, InitialValue)
     k = len(fall.task.start)
     wide = replace(fall.task, start=np.zeros(k + 1), rates=np.zeros(k + 1))
     with pytest.raises(ScrewgaugeError, match=f"{k} independent coordinates"):
-        loaded.ask(replace(fall, task=wide))
+        subject.ask(replace(fall, task=wide))
 
 
-def test_a_load_on_an_unknown_body_is_refused(loaded: Loaded, given: Problem) -> None:
+def test_a_load_on_an_unknown_body_is_refused(subject: Loaded, question: Problem) -> None:
     load = Load("platfrom", None, np.array([0.0, 0.0, 1.0]), np.zeros(3))
     with pytest.raises(ModelFileError, match="has no body 'platfrom'"):
-        loaded.ask(replace(given, applied=replace(given.applied, loads=(load,))))
+        subject.ask(replace(question, applied=replace(question.applied, loads=(load,))))
 
 
-def test_a_task_that_it_does_not_take_is_refused(loaded: Loaded, given: Problem) -> None:
-    k, n = len(loaded.mechanism.independent), len(loaded.mechanism.coordinates)
+def test_a_task_that_it_does_not_take_is_refused(subject: Loaded, question: Problem) -> None:
+    k, n = len(subject.mechanism.independent), len(subject.mechanism.coordinates)
     kinds: dict[type[Task], Task] = {
         InitialValue: InitialValue(np.zeros(k), np.zeros(k), 0.0, np.array([0.0, 0.1])),
-        States: States(loaded.mechanism.coordinates, np.zeros((1, n)), np.zeros((1, n)), a=np.zeros((1, n))),
+        States: States(subject.mechanism.coordinates, np.zeros((1, n)), np.zeros((1, n)), a=np.zeros((1, n))),
     }
-    takes = get_engine(loaded.engine.name.partition(AS)[0]).tasks  # in every number type
+    takes = get_engine(subject.engine.name.partition(AS)[0]).tasks  # in every number type
     for kind in kinds.keys() - takes:
-        if loaded.engine.cut != "full":  # its model could answer, but not about joints at rest in its loops
+        if subject.engine.cut != "full":  # its model could answer, but not about joints at rest in its loops
             try:
-                loaded.ask(replace(given, task=kinds[kind]))
+                subject.ask(replace(question, task=kinds[kind]))
             except ScrewgaugeError:
                 continue
             pytest.fail(
@@ -88,22 +88,22 @@ def test_a_task_that_it_does_not_take_is_refused(loaded: Loaded, given: Problem)
             )
 
 
-def test_settings_that_it_does_not_have_are_refused(loaded: Loaded) -> None:
-    with pytest.raises(UnknownNameError, match=f"^engine {loaded.engine.name}: unknown setting 'nonsense'; "):
-        loaded.engine.load(loaded.files, nonsense=1)
+def test_settings_that_it_does_not_have_are_refused(subject: Loaded) -> None:
+    with pytest.raises(UnknownNameError, match=f"^engine {subject.engine.name}: unknown setting 'nonsense'; "):
+        subject.engine.load(subject.files, nonsense=1)
 
 
-def test_a_model_without_its_loops_file_is_refused(loaded: Loaded, tmp_path: Path) -> None:
-    if not loaded.engine.cut:
+def test_a_model_without_its_loops_file_is_refused(subject: Loaded, tmp_path: Path) -> None:
+    if not subject.engine.cut:
         pytest.skip("the engine reads a description, which needs no loops file")
     with pytest.raises(ModelFileError, match="has no loops file"):
-        loaded.engine.load(ModelFiles(loaded.files.model))
+        subject.engine.load(ModelFiles(subject.files.model))
     with pytest.raises(ModelFileError, match=r"gone.loops.toml: cannot be read"):
-        loaded.engine.load(ModelFiles(loaded.files.model, tmp_path / "gone.loops.toml"))
+        subject.engine.load(ModelFiles(subject.files.model, tmp_path / "gone.loops.toml"))
 
 
-def test_a_file_that_is_no_model_is_refused(loaded: Loaded, tmp_path: Path) -> None:
-    path = tmp_path / f"none{loaded.engine.reads}"
+def test_a_file_that_is_no_model_is_refused(subject: Loaded, tmp_path: Path) -> None:
+    path = tmp_path / f"none{subject.engine.reads}"
     path.write_text("no model\n", encoding="utf-8")
     with pytest.raises(ScrewgaugeError):
-        loaded.engine.load(replace(loaded.files, model=path))
+        subject.engine.load(replace(subject.files, model=path))

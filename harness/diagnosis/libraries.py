@@ -70,7 +70,7 @@ def joint_states(tree: ReadingTree, states: TreeStates) -> Mapping[str, JointSta
     }
 
 
-def _scaled(theirs: Array, ours: Array, least: float = 0.0) -> float:
+def _scaled_difference(theirs: Array, ours: Array, least: float = 0.0) -> float:
     """Return the largest difference, divided by the largest magnitude or by `least`, whichever is larger."""
     scale = max(float(np.abs(ours).max(initial=0.0)), least)
     return float(np.abs(theirs - ours).max(initial=0.0)) / (scale or 1.0)
@@ -81,10 +81,10 @@ def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
     force = float(np.abs(ours.tau).max())  # scales forces that vanish
     expected = ours.tau - sum(force for name, force in parts.items() if name not in theirs.covers)
-    by_name = {"tau": _scaled(theirs.tau, expected, force)}
+    by_name = {"tau": _scaled_difference(theirs.tau, expected, force)}
     for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
-        by_name[name] = _scaled(getattr(theirs, name), getattr(ours, name), least)
-    by_name["acceleration"] = _scaled(theirs.acceleration, ours.acceleration)
+        by_name[name] = _scaled_difference(getattr(theirs, name), getattr(ours, name), least)
+    by_name["acceleration"] = _scaled_difference(theirs.acceleration, ours.acceleration)
     if tree.reading.medium != (0.0, 0.0) and "medium" in theirs.covers:
         del by_name["tau"], by_name["bias"]  # the reading's own dynamics have no medium
     elif {each.kind for each in tree.reading.content} & _UNKNOWN:
@@ -118,8 +118,8 @@ def compare_loops(
     systems = (rows, bias), (own, gap_bias(tree, states))
     here, there = (weight * (np.linalg.pinv(J, rcond=DEPENDENT) @ b[..., None]) for J, b in systems)
     return {
-        "constraint Jacobian": _scaled(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
-        "Jdot v": _scaled(here, there, drawn),
+        "constraint Jacobian": _scaled_difference(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
+        "Jdot v": _scaled_difference(here, there, drawn),
     }
 
 

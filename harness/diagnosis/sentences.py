@@ -123,7 +123,7 @@ def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
             yield f"{forces.capitalize()} change {much}, only because of {name}."
         else:
             yield f"Together they change {forces} {much}; {percent(most.share)} of this is due to {name}."
-    yield from _outside(causes)
+    yield from _limits_of_torques(causes)
     plain = [each for each in causes if not all(map(_is_outside, each.facts))]
     unseen = [each for each in plain if each.kind == "unseen" and not _of_loops(each.facts[0])]
     if unseen:
@@ -154,7 +154,7 @@ def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
     return "It changes" if len(some) == 1 else "They change"
 
 
-def _outside(causes: Sequence[Cause]) -> Iterator[str]:
+def _limits_of_torques(causes: Sequence[Cause]) -> Iterator[str]:
     """Yield sentences about differences that do not affect torques."""
     whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
     if whats:

@@ -136,12 +136,12 @@ class Torques:
     def effect(self, facts: Iterable[Fact]) -> Array | None:
         """Compute the change in torques due to facts; None if this is impossible. Shape (n, n_freedom)."""
         try:
-            tau = inverse_dynamics(tree_of(self.changed(facts)), self.states)
+            tau = inverse_dynamics(tree_of(self.apply(facts)), self.states)
         except (ScrewgaugeError, LookupError, ValueError):  # a different change removes the part
             return None
         return tau - self.own if tau.shape == self.own.shape and np.all(np.isfinite(tau)) else None
 
-    def changed(self, facts: Iterable[Fact]) -> Reading:
+    def apply(self, facts: Iterable[Fact]) -> Reading:
         """Return the machine with B's values; a transformation of the whole machine is applied last.
 
         Raises:
@@ -158,7 +158,7 @@ class Torques:
         """Names of the components."""
         return [name for name, _ in components(self.reading)]
 
-    def scaled(self, effect: Array) -> Array:
+    def project(self, effect: Array) -> Array:
         """Project an effect onto admissible motions, and divide it by the largest torque in its unit. Shape (k,)."""
         if self.bases is None:
             return np.asarray(effect / self.scale).ravel()

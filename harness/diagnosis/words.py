@@ -110,7 +110,7 @@ class Speaker:
         if _in_another_order(facts):
             return f"order of {len(parts)} joints"
         if len(parts) > 2:
-            return f"{nouns(facts)} of {self._counted(facts, len(parts))}"
+            return f"{nouns(facts)} of {self._count_owners(facts, len(parts))}"
         whats = {part: nouns([fact for fact in facts if fact.part == part]) for part in parts}
         if len({*whats.values()}) == 1:
             return f"{whats[first.part]} of {join([*parts])}"
@@ -131,7 +131,7 @@ class Speaker:
             return f"{len(parts)} {_SUBTREES[first.what]} {other_side(first.side)}{names}"
         if _in_another_order(facts):
             return f"{len(parts)} joints are in a different order in B"
-        owners = self._counted(facts, len(parts))
+        owners = self._count_owners(facts, len(parts))
         if {(fact.what, fact.side) for fact in facts} in ({("limits", "A")}, {("limits", "B")}):
             return f"{owners} have no limits in {other_side(first.side)}{names}"
         several = len({fact.what for fact in facts}) > 1
@@ -144,7 +144,7 @@ class Speaker:
         one = not several and first.what not in _PLURAL
         return f"{self.name(facts)} differ{'s' * one}{example}"
 
-    def _counted(self, facts: Sequence[Fact], n: int) -> str:
+    def _count_owners(self, facts: Sequence[Fact], n: int) -> str:
         """Count the owners of facts: ``all 4 joints``, ``3 bodies``."""
         owners = {PROPERTIES[fact.what].owner for fact in facts if fact.what in PROPERTIES}
         owner = owners.pop() if len(owners) == 1 else ""

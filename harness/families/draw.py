@@ -13,7 +13,7 @@ import numpy as np
 import tomli_w
 
 from screwgauge.families.placements import FAMILIES, NAMED
-from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
+from screwgauge.families.sketch import Sketch, Tables, describe, draw_name, shuffle
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
@@ -87,9 +87,9 @@ def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Sc
     strong = np.linalg.matrix_rank(K[driven], 1e-9) == freedoms
     if len(chosen) < freedoms or max(gain(K, chosen), gain(K, driven) if strong else 0.0) > FASTEST:
         return None
-    tables, coordinates = described(sketch, file.stem)
+    tables, coordinates = describe(sketch, file.stem)
     flat, used = [name for names in coordinates for name in names], set[str]()
-    independent = {unused(rng, used, ("_",)): flat[i] for i in chosen}
+    independent = {draw_name(rng, used, ("_",)): flat[i] for i in chosen}
     file.write_text(tomli_w.dumps({**tables, "independent": independent}), encoding="utf-8")
     mechanism = load_mechanism(file)
     motion = _motion(rng, mechanism, gain(K, chosen))
@@ -164,7 +164,7 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
         except ScrewgaugeError:  # the motion leads to a singular pose, or the loops do not close
             break
         largest = motion
-    return largest and shuffled(rng, largest)
+    return largest and shuffle(rng, largest)
 
 
 def _load(sketch: Sketch, mechanism: Mechanism) -> Tables:

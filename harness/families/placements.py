@@ -106,7 +106,7 @@ def _sarrus(s: Sketch) -> None:
         s.place("RRR", s.between(GROUND, "platform", 3), zip(points, repeat(axis)))
 
 
-def _meeting(s: Sketch, angle: float, tilt: float, near: float) -> tuple[Array, Array]:
+def _draw_axis(s: Sketch, angle: float, tilt: float, near: float) -> tuple[Array, Array]:
     """Return a random point on an axis through the origin, and the direction of the axis."""
     axis = rotation(_Z, np.array(angle)) @ rotation(_Y, np.array(tilt)) @ _Z
     return axis * s.rng.uniform(near, 1.0), axis
@@ -116,7 +116,7 @@ def _spherical_loop(s: Sketch) -> None:
     """Draw R joints whose axes intersect in one point."""
     n = int(s.rng.integers(4, 6))
     angles = (2 * np.pi * (i + s.rng.uniform(-0.25, 0.25)) / n for i in range(n))
-    s.place("R" * n, _bars(n), (_meeting(s, angle, s.rng.uniform(0.4, 1.2), 0.3) for angle in angles))
+    s.place("R" * n, _bars(n), (_draw_axis(s, angle, s.rng.uniform(0.4, 1.2), 0.3) for angle in angles))
 
 
 # --- trees, gears
@@ -167,7 +167,7 @@ def _ends(s: Sketch, n: int, size: float = 0.6) -> list[tuple[Array, Array]]:
     """Draw the leg ends on the base and on a platform 1 m above it. Shape (3,) each."""
     tilted = s.rng.random() < 0.2
     top = _ring(s, n, 0.2) * size
-    top = top @ s.turned().T if tilted else top
+    top = top @ s.draw_rotation().T if tilted else top
     return list(zip(_ring(s, n, 0.2), top + s.rng.uniform(0.7, 1.3) * _Z, strict=True))
 
 
@@ -211,7 +211,7 @@ def _three_rrr_spherical(s: Sketch) -> None:
     """Draw a platform on three legs of R joints whose axes all intersect in one point."""
     for k in range(3):
         places = (
-            _meeting(s, 2 * np.pi * k / 3 + angle + s.rng.uniform(-0.2, 0.2), tilt + s.rng.uniform(-0.2, 0.2), 0.4)
+            _draw_axis(s, 2 * np.pi * k / 3 + angle + s.rng.uniform(-0.2, 0.2), tilt + s.rng.uniform(-0.2, 0.2), 0.4)
             for angle, tilt in ((0.0, 2.0), (0.9, 1.4), (0.2, 0.8))
         )
         s.place("RRR", s.between(GROUND, "platform", 3), places, driven=0)

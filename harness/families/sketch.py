@@ -90,7 +90,7 @@ class Sketch:
         v = self.rng.normal(size=3)
         return np.asarray(v / np.linalg.norm(v))
 
-    def turned(self) -> Array:
+    def draw_rotation(self) -> Array:
         """Draw a random rotation. Shape (3, 3)."""
         first, second = self.axes("U")
         return np.stack([first, second, np.cross(first, second)])
@@ -178,7 +178,7 @@ class Sketch:
         return Q if np.abs(np.diag(R)).min(initial=1.0) > REGULAR else None
 
 
-def unused(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("", "-", "_", ".", "+", ":")) -> str:
+def draw_name(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("", "-", "_", ".", "+", ":")) -> str:
     """Draw an unused name, and mark it as used."""
     while True:
         name = "".join(rng.choice(list(ascii_letters), size=rng.integers(1, 6)))
@@ -188,7 +188,7 @@ def unused(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("",
             return name
 
 
-def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
+def describe(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
     """Make a description with random frames, bodies and names, in random order.
 
     One description in four is plain: its frames are parallel to the world frame and its home coordinates are zero, so
@@ -199,25 +199,25 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
     """
     rng, used = sketch.rng, set[str]()
     plain = rng.random() < 0.25
-    W, origin = (np.eye(3), np.zeros(3)) if plain else (sketch.turned(), rng.normal(size=3))
+    W, origin = (np.eye(3), np.zeros(3)) if plain else (sketch.draw_rotation(), rng.normal(size=3))
     frames, names, bodies = {GROUND: (np.eye(3), np.zeros(3))}, {GROUND: GROUND}, {}
     for body in sketch.bodies:
         cloud = np.array([W @ joint.point + origin for joint in sketch.joints if body in (joint.a, joint.b)])
         middle = cloud.mean(axis=0) + 0.1 * rng.normal(size=3)
-        R, p = frames[body] = (W, origin) if plain else (sketch.turned(), middle + 0.3 * rng.normal(size=3))
-        names[body] = unused(rng, used)
+        R, p = frames[body] = (W, origin) if plain else (sketch.draw_rotation(), middle + 0.3 * rng.normal(size=3))
+        names[body] = draw_name(rng, used)
         bodies[names[body]] = _body(rng, R.T @ (middle - p))
     joints, coordinates, homes = {}, [], list[float]()
     for placed in sketch.joints:
-        n, label = len(KINDS[placed.kind]), unused(rng, used)
-        names_of_joint = [unused(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
+        n, label = len(KINDS[placed.kind]), draw_name(rng, used)
+        names_of_joint = [draw_name(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
         coordinates.append(names_of_joint or ([label] if n == 1 else [f"{label}.q{i + 1}" for i in range(n)]))
         home = np.zeros(n) if plain else rng.uniform(-0.5, 0.5, n)
         if placed.kind == "S":  # the angle between the third axis and the normal is the second coordinate
             home[1] = placed.tilt()
         homes += home.tolist()
         axes, turn, slide = placed.before(home, W)
-        J, point = np.eye(3) if plain else sketch.turned(), W @ placed.point + origin
+        J, point = np.eye(3) if plain else sketch.draw_rotation(), W @ placed.point + origin
         joints[label] = {
             "kind": placed.kind,
             "parent": names[placed.a],
@@ -229,7 +229,7 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
             **({"coordinates": names_of_joint} if names_of_joint else {}),
             **({"actuated": True} if placed.driven else {}),
         }
-    tables = {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}
+    tables = {"name": name, "bodies": shuffle(rng, bodies), "joints": shuffle(rng, joints)}
     flat, couplings = [name for names_of_joint in coordinates for name in names_of_joint], {}
     for row, leads in sketch.ties.items():  # coordinates may be nonzero at home
         terms, constant = dict[str, list[float]](), homes[row]
@@ -239,13 +239,13 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
             constant = 0.0
         (lead, polynomial), *more = terms.items()
         law: Tables = {"terms": terms} if more else {"of": lead, "polynomial": polynomial}
-        couplings[unused(rng, used)] = {"coordinate": flat[row], **law}
+        couplings[draw_name(rng, used)] = {"coordinate": flat[row], **law}
     if couplings:
-        tables["couplings"] = shuffled(rng, couplings)
+        tables["couplings"] = shuffle(rng, couplings)
     return tables, coordinates
 
 
-def shuffled(rng: np.random.Generator, table: Tables) -> Tables:
+def shuffle(rng: np.random.Generator, table: Tables) -> Tables:
     """Shuffle the entries of a table."""
     keys = list(table)
     return {keys[i]: table[keys[i]] for i in rng.permutation(len(keys))}

@@ -13,7 +13,7 @@ from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.residual import Residuals
 from screwgauge.judging.trust import SAFETY
 from screwgauge.problem import given_columns
-from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm, described, pairs
+from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm, description_names, pairs
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.resistance import LOSSES, resistances
 from screwgauge.reference.rotations import Array, cross, lanes, times
@@ -220,7 +220,7 @@ def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]
     driven = given_columns(rates.shape[2], idle)
     B = admissible.partial[:, mechanism.actuated_columns][..., driven]
     right = (rates[..., driven] @ np.linalg.pinv(B)).reshape(len(B), -1)
-    yield from _deviations(answer, "jacobian", *described(mechanism, points)["jacobian"], right)
+    yield from _deviations(answer, "jacobian", *description_names(mechanism, points)["jacobian"], right)
 
 
 def resistance(answer: Answer) -> Residuals:

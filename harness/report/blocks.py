@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from screwgauge.reference.errors import printable
-from screwgauge.study.formatting import FORMS, missing, number, words
+from screwgauge.study.formatting import FORMS, is_empty, number, words
 
 T = TypeVar("T")
 Status = Literal["agree", "differ", "failed", "note"]
@@ -184,7 +184,7 @@ def _text(row: Any, key: str) -> str:
         return key.format_map(row)
     name, _, form = key.rstrip("?").partition(":")
     value = row.get(name) if isinstance(row, Mapping) else attrgetter(name)(row)
-    if value is None or (key.endswith("?") and missing(value)):
+    if value is None or (key.endswith("?") and is_empty(value)):
         return ""
     return value if isinstance(value, Marked) else FORMS.get(form or name, str)(value)
 

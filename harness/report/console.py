@@ -64,7 +64,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def stopped() -> bool:
+def is_stopped() -> bool:
     """Return True if a signal stopped the command, even if a library has swallowed the exception."""
     return bool(_stopped_by)
 

@@ -96,12 +96,12 @@ def _with_contents(body: str) -> str:
     """Add anchors to headings, and a table of contents before the first heading."""
     places: dict[str, str] = {}
 
-    def named(match: re.Match[str]) -> str:
+    def add_id(match: re.Match[str]) -> str:
         place = free_name(file_name(match[1]), places)
         places[place] = match[1]
         return f'<h2 id="{place}">{match[1]}</h2>'
 
-    front, first, rest = re.sub("<h2>(.*?)</h2>", named, body).partition("<h2 ")
+    front, first, rest = re.sub("<h2>(.*?)</h2>", add_id, body).partition("<h2 ")
     links = "\n".join(f'<a href="#{place}">{text}</a>' for place, text in places.items())
     contents = f'<nav aria-label="Contents">Contents: {links}</nav>\n' if len(places) > 1 else ""
     before, details, fold = front.rpartition("<details>") if front.endswith("<summary>") else (front, "", "")

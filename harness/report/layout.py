@@ -136,7 +136,7 @@ class Report:
         blocks: list[Block] = [Text(filled["title"], 1), Group("front", tuple(screen))]
         blocks += (block for title, text in sections if title != TERMINAL for block in filled.section(title, text))
         last = [block for title, text in appendix for block in filled.section(title, text)]
-        words = _used(markdown([*blocks, *last]))
+        words = _used_entries(markdown([*blocks, *last]))
         last += [Text("Glossary", 2), Group("glossary", (Table(("", ""), words),))] if words else []
         return map_leaves([*blocks, Group("appendix", tuple(last))], without_lost_picture)
 
@@ -248,7 +248,7 @@ def prose(text: str) -> list[Block]:
     return blocks
 
 
-def _used(text: str) -> tuple[tuple[str, str], ...]:
+def _used_entries(text: str) -> tuple[tuple[str, str], ...]:
     """Return the glossary entries whose words a text uses."""
     return tuple((w, m) for w, m in _glossary().items() if re.search(rf"\b{re.escape(w)}\b", text, re.IGNORECASE))
 

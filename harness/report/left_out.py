@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from screwgauge.judging.left_out import LeftOutTerm
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.formatting import Row, listed, number, unit_text
+from screwgauge.study.formatting import Row, join_all, number, unit_text
 
 FIGURES = 3
 
@@ -25,7 +25,7 @@ def sentences(results: Comparison, *, agree: bool) -> list[str]:
     if not results.left_out.terms:
         return [*contained_sentences(results)]
     text = additions(results)
-    who = listed(results.solutions)
+    who = join_all(results.solutions)
     if len(results.solutions) == 1:
         head = f"The results of {who} refer to the rigid machine; {text}."
     else:
@@ -45,13 +45,13 @@ def owners(names: Sequence[str]) -> str:
         return names[0]
     nouns = Counter(name.partition(" ")[0] for name in names)
     plurals = {"body": "bodies"}
-    return listed(f"{n} {noun if n == 1 else plurals.get(noun, f'{noun}s')}" for noun, n in nouns.items())
+    return join_all(f"{n} {noun if n == 1 else plurals.get(noun, f'{noun}s')}" for noun, n in nouns.items())
 
 
 def contained_sentences(results: Comparison) -> Iterator[str]:
     """Yield a sentence for each table or engine whose values include forces omitted from the description."""
     for name, kinds in results.left_out.contained.items():
-        yield f"Values of {name} include {listed(kinds)}, which the comparison leaves out."
+        yield f"Values of {name} include {join_all(kinds)}, which the comparison leaves out."
 
 
 def left_out_rows(results: Comparison) -> list[Row]:

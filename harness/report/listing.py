@@ -53,11 +53,11 @@ def listing(what: str | None) -> str:
 def blocks(case: Case) -> list[Block]:
     """Show a case with its sentence, measured numbers, versions and links."""
     rows = [(words, case.numbers[name]) for words, name in _NUMBERS if name in case.numbers]
-    rows += [(words, "; ".join(map(case.named, some))) for words, some in _measured(case) if some]
+    rows += [(words, "; ".join(map(case.engines_text, some))) for words, some in _measurements(case) if some]
     rows += [("seen with", case.versions)]
     here = installed_versions(case)
     if here is not None and (case.shown or case.not_shown):
-        rows.append(("installed", f"{case.named(here)}: {'shown' if case.shows(here) else 'not shown'}"))
+        rows.append(("installed", f"{case.engines_text(here)}: {'shown' if case.shows(here) else 'not shown'}"))
     return [
         Banner(Marked(case.sentence), case.id, "note"),
         Table(("", ""), tuple(rows)),
@@ -65,7 +65,7 @@ def blocks(case: Case) -> list[Block]:
     ]
 
 
-def _measured(case: Case) -> list[tuple[str, tuple[Versions, ...]]]:
+def _measurements(case: Case) -> list[tuple[str, tuple[Versions, ...]]]:
     return [("shown with", case.shown), ("not shown with", case.not_shown)]
 
 

@@ -194,11 +194,11 @@ def judged_files(provenance: Mapping[str, Any]) -> dict[str, str]:
 def shorten_hashes(judged: Mapping[str, str]) -> dict[str, str]:
     """Shorten paths to file names, and hashes to their first digits."""
 
-    def shortened(text: str) -> str:
+    def shorten(text: str) -> str:
         file, sha, digest = text.rpartition(", SHA-256 ")
         return f"{PurePath(file).name} (SHA-256 {digest[:8]})" if sha else text
 
-    return {what: shortened(text) for what, text in judged.items() if text}
+    return {what: shorten(text) for what, text in judged.items() if text}
 
 
 def samples(t: Array) -> str:
@@ -223,10 +223,10 @@ def about(scene: Scene, t: Array) -> dict[str, Any]:
         "spring and damper": [*map(_spring, scene.applied.springs)],
         "motor": [*map(_motor, scene.applied.motors)],
     }
-    return {**described, **(_simulated(scene) if scene.simulated else {"rule for redundant forces": scene.rule})}
+    return {**described, **(_simulation(scene) if scene.simulated else {"rule for redundant forces": scene.rule})}
 
 
-def _simulated(scene: Scene) -> dict[str, str]:
+def _simulation(scene: Scene) -> dict[str, str]:
     """Describe the start, the integration and the observables of a simulation."""
     names, start = scene.mechanism.independent, scene.start
     place, rates = (

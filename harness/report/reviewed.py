@@ -10,7 +10,7 @@ from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Block, Table, table
 from screwgauge.report.html import fragment
 from screwgauge.report.text import terminal
-from screwgauge.study.formatting import Row, digits_text, listed, missing, number, size, unit_text
+from screwgauge.study.formatting import Row, digits_text, is_empty, join_all, number, size, unit_text
 from screwgauge.study.review import ReviewedColumn, TableReview
 from screwgauge.study.transformations import Fault
 
@@ -138,7 +138,7 @@ def _names(review: TableReview, some: list[ReviewedColumn]) -> str:
     if 1 < len(some) == len(review.columns):
         return f"all {len(some)} columns"
     names = [_name(review, column) for column in some]
-    return listed(names) if len(names) <= NAMED else first_few(names, NAMED - 1)
+    return join_all(names) if len(names) <= NAMED else first_few(names, NAMED - 1)
 
 
 def rows(review: TableReview) -> list[Row]:
@@ -163,7 +163,7 @@ def _finding(review: TableReview, column: ReviewedColumn) -> str:
 def summary(review: TableReview) -> dict[str, Any]:
     """Convert a review to plain data."""
     found = [
-        {**asdict(column), "finding": _finding(review, column), "left": None if missing(column.left) else column.left}
+        {**asdict(column), "finding": _finding(review, column), "left": None if is_empty(column.left) else column.left}
         for column in review.columns
     ]
     verdict = banner(review).text

@@ -11,7 +11,7 @@ from screwgauge.report.blocks import Banner, Status
 from screwgauge.report.left_out import sentences
 from screwgauge.report.reviewed import sentences as sentences_of
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
+from screwgauge.study.formatting import Row, digits_text, is_empty, join_all, number, rows, size, unit_text, words
 from screwgauge.study.methods import DOUBTS
 from screwgauge.study.outcome import Outcome
 
@@ -81,26 +81,26 @@ WORDS: dict[Outcome, str] = {
 }
 
 
-def _failed(results: Comparison) -> list[str]:
+def _failures(results: Comparison) -> list[str]:
     failed = "; ".join(f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items())
     head = "An engine failed" if len(results.failures) == 1 else f"{len(results.failures)} engines failed"
     return [f"{head}: {failed}."]
 
 
-def _partly(results: Comparison) -> list[str]:
+def _omissions(results: Comparison) -> list[str]:
     """List what was requested but not compared, merging equal reasons."""
     engines_by_sentence: dict[str, list[str]] = {}
     for one in results.refusals:
         engines_by_sentence.setdefault(one.sentence, []).append(one.engine)
-    lost = [f"{listed(names)}: {sentence}." for sentence, names in engines_by_sentence.items()]
+    lost = [f"{join_all(names)}: {sentence}." for sentence, names in engines_by_sentence.items()]
     return [
         *lost,
         *(f"No two engines compute the same components of {name}, so it is not compared." for name in results.apart),
     ]
 
 
-def _unjudged(results: Comparison) -> list[str]:
-    text = f"Not judged: {listed(results.unjudged)}; no equation of mechanics can be tested on the returned values."
+def _unjudged_engines(results: Comparison) -> list[str]:
+    text = f"Not judged: {join_all(results.unjudged)}; no equation of mechanics can be tested on the returned values."
     return [text] if len(results.solutions) > 1 else []
 
 
@@ -120,7 +120,7 @@ def _difference(results: Comparison) -> list[str]:
     bad, pairs = rows(results.differences), compared_pairs(results)
     row = bad[0]
     more = [f"{len(bad)} of {len(pairs)} comparisons are out of tolerance."] if len(bad) > 1 else []
-    if missing(row["max_scaled"]):
+    if is_empty(row["max_scaled"]):
         reason = str(row.get("reason") or "not a number").rstrip(".")
         if not row["b"]:  # an engine stopped, and ran alone
             return [f"{reason}.", *more]
@@ -177,11 +177,11 @@ def _fault(results: Comparison) -> list[str]:
 
 #: Outcome -> function that returns its sentences.
 _SENTENCES: dict[Outcome, Callable[[Comparison], list[str]]] = {
-    "failed": _failed,
+    "failed": _failures,
     "differ": _difference,
     "faulted": _fault,
-    "unjudged": _unjudged,
-    "partly": _partly,
+    "unjudged": _unjudged_engines,
+    "partly": _omissions,
     "undecided": _report_undecided,
     "unlike": _unlike,
 }
@@ -199,7 +199,7 @@ def _because(row: Row) -> str:
 def _report_alone(results: Comparison) -> Iterator[str]:
     """Yield sentences on quantities that only one engine computes."""
     for engine, names in results.alone:
-        yield f"Not compared: {listed(names)} of {engine}, which no other engine computes."
+        yield f"Not compared: {join_all(names)} of {engine}, which no other engine computes."
 
 
 def not_unique(results: Comparison) -> Iterator[str]:
@@ -249,7 +249,7 @@ def _of_float64(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
     others = [f"{name} ({digits_text(error)})" for name, error in errors.items()]
     excused = {(row["quantity"], row["unit"]): row["reason"] for row in agree if row not in counted}
     others += [f"{name} in {unit_text(unit)} ({reason})" for (name, unit), reason in excused.items()]
-    but = listed(others)
+    but = join_all(others)
     open_tree = [*errors] or [name for name in OPEN_TREE if name == least["quantity"]]
     return f"{text}, apart from {but}" if but else text, open_tree
 
@@ -275,9 +275,9 @@ def _agreement(results: Comparison) -> list[str]:
         if "partly" in results.outcomes:
             return [f"What was compared is within tolerance, {fewest}.", *untested]
         remarks = [*(OPEN_TREE[each] for each in open_tree), *_report_integrated(pairs), *untested]
-        return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *remarks]
+        return [f"{join_all(engines)} agree: {every} within tolerance, {fewest}.", *remarks]
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"
     if len(engines) == 1:
         return [f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."]
-    return [f"{listed(engines)} ran, but have no quantity in common: nothing was compared; {judged}."]
+    return [f"{join_all(engines)} ran, but have no quantity in common: nothing was compared; {judged}."]

@@ -85,13 +85,13 @@ def write_report(
 def _name_pictures(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
     """Give each picture a unique file name."""
 
-    def named(block: Block) -> Block:
+    def rename(block: Block) -> Block:
         if not isinstance(block, Picture):
             return block
         taken.add(name := free_name(block.name, taken))
         return replace(block, name=name)
 
-    return map_leaves(blocks, named)
+    return map_leaves(blocks, rename)
 
 
 def _text(value: Any, figures: int | None) -> str:

@@ -140,7 +140,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
         except ScrewgaugeError as error:
             stopped = error.what
         if not stopped:
-            return _moving(scene, seed, tables, drive, t)
+            return _replace_motion(scene, seed, tables, drive, t)
     least = f"{AMPLITUDES[-1]:.1g} (rad or lengths of the mechanism)"
     what = f"not even a motion of {least} about home stays within the limits and away from singular poses: {stopped}"
     raise DescriptionError(what, mechanism.where, "widen the limits, or choose another home pose")
@@ -159,7 +159,7 @@ def _room(mechanism: Mechanism) -> Array:
     return np.where(room > 0.0, room, np.inf)
 
 
-def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Followed, t: Array) -> Scene:
+def _replace_motion(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Followed, t: Array) -> Scene:
     return replace(
         scene,
         name=f"{scene.name}-exciting-{seed}",

@@ -150,7 +150,7 @@ TIMES = ("t", "time")  # accepted names of the time column
 _UNIT = re.compile(r"([^\W\d_]+|°)(?:\^(\d))?")
 
 
-def _converted(unit: str) -> tuple[str, float]:
+def _si_unit(unit: str) -> tuple[str, float]:
     """Return the SI unit that corresponds to a unit, and the conversion factor: ``N mm`` gives ``N m``, 1e-3."""
     text, factor = unit.replace("·", " ").replace("²", "^2"), 1.0
     for one in _UNIT.finditer(text):
@@ -170,12 +170,12 @@ class Header:
 
     def of(self, quantity: str, unit: str) -> bool:
         """Return True if the header contradicts neither the quantity nor the unit."""
-        return self.quantity in ("", quantity) and _converted(self.unit)[0] in ("", unit)
+        return self.quantity in ("", quantity) and _si_unit(self.unit)[0] in ("", unit)
 
     @property
     def factor(self) -> float:
         """Factor that converts values to SI units."""
-        return _converted(self.unit)[1]
+        return _si_unit(self.unit)[1]
 
     def check_unit(self, unit: str, where: str) -> None:
         """Reject a unit that is neither the component's unit nor convertible to it."""

@@ -32,7 +32,7 @@ def address(*parts: Any, files: Iterable[Path] = ()) -> str:
         parts: Inputs of the computation: strings, numbers, and tables of strings and numbers.
         files: All files opened for the computation, including files that they refer to.
     """
-    return digest_of(_machine(), versions(), _installed(), parts, [[str(file), _digest(file)] for file in files])
+    return digest_of(_machine(), versions(), _distributions(), parts, [[str(file), _digest(file)] for file in files])
 
 
 def versions() -> dict[str, str]:
@@ -50,7 +50,7 @@ _machine = cache(environment)
 
 
 @cache
-def _installed() -> list[str]:
+def _distributions() -> list[str]:
     """List all distributions with their versions, because an engine may depend on any of them."""
     return sorted({f"{each.metadata['Name']} {each.version}" for each in distributions()})
 

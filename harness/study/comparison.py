@@ -121,7 +121,7 @@ class Comparison:
         wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*self.solutions} & {*ENGINES}}
         sentences = []
         for case in suspects(wrong, {*self.pairs["quantity"]} - wrong, packages) if wrong else ():
-            symptom, engines = case.sentence.rstrip("."), case.named(installed_versions(case) or ())
+            symptom, engines = case.sentence.rstrip("."), case.engines_text(installed_versions(case) or ())
             sentences.append(f"Known issue of {engines}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.id}).")
         return sentences
 

@@ -23,7 +23,7 @@ def rows(frame: pd.DataFrame) -> list[Row]:
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
-def grouped(table: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
+def group_rows(table: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
     """Group rows by the values of keys, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in table:
@@ -31,7 +31,7 @@ def grouped(table: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]
     return groups
 
 
-def missing(value: Any) -> bool:
+def is_empty(value: Any) -> bool:
     """Return True for an empty cell of a table: None or NaN."""
     return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value)))
 
@@ -51,7 +51,7 @@ def number(value: Any, figures: int = 6) -> str:
 
 def size(value: Any) -> str:
     """Format the size of an error with two figures: ``3.1e-13``, ``12``; ``0`` for zero."""
-    if missing(value):
+    if is_empty(value):
         return "NaN"
     if value == 0 or not np.isfinite(value):
         return "0" if value == 0 else "inf"
@@ -67,14 +67,14 @@ def digits_text(scaled: float) -> str:
     return "NaN" if np.isnan(value) else f"{value:.1f}"
 
 
-def beyond(error: float, tolerance: float) -> float:
+def error_ratio(error: float, tolerance: float) -> float:
     """Return an error as a multiple of its tolerance; infinite if the error is NaN or the tolerance zero."""
-    return error / tolerance if tolerance > 0.0 and not missing(error) else float("inf")
+    return error / tolerance if tolerance > 0.0 and not is_empty(error) else float("inf")
 
 
 def duration(seconds: float) -> str:
     """Format a duration: ``12.3 µs``; empty if not measured."""
-    if missing(seconds):
+    if is_empty(seconds):
         return ""
     scales = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
     unit, scale = next((pair for pair in scales if seconds >= 0.9995 * pair[1]), scales[-1])
@@ -122,7 +122,7 @@ def free_name(name: str, taken: Collection[str]) -> str:
     return next(one for one in names if one not in taken)
 
 
-def listed(names: Iterable[str]) -> str:
+def join_all(names: Iterable[str]) -> str:
     """Join names: ``a, b and c``."""
     items = list(names)
     return f"{', '.join(items[:-1])} and {items[-1]}" if len(items) > 1 else "".join(items)

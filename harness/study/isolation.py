@@ -323,11 +323,11 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
     if isinstance(error, BrokenProcessPool):
         if signal.SIGALRM.name in str(error):
             return _limit_failure(name, limits)
-        return Failure(name, f"crashed: {_ending(str(error))}", str(error))
+        return Failure(name, f"crashed: {_describe_end(str(error))}", str(error))
     return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
 
 
-def _ending(message: str) -> str:
+def _describe_end(message: str) -> str:
     """Describe how a process ended, based on loky's error message."""
     if match := re.search(r"SIG[A-Z]+", message):
         return f"its process received {match[0]}"

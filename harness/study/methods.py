@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 DOUBTS = 3  # largest number of differences between models that a sentence lists
 
 
-def missing(error: ImportError, engine: Engine | None = None) -> str:
+def describe_import_error(error: ImportError, engine: Engine | None = None) -> str:
     """Describe an import error (a module is missing, or was built for different versions), and what to install."""
     module = (error.name or "it").split(".")[0]
     package = module if engine is None else engine.requirement
@@ -51,7 +51,7 @@ def failure(error: BaseException, name: str, folder: Path, engine: Engine | None
     message = truncate(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
     reason = f"{type(error).__name__}: {message}"
     if isinstance(error, ImportError):
-        reason = missing(error, engine)
+        reason = describe_import_error(error, engine)
     return Failure(name, truncate(reason, LONG), "".join(traceback.format_exception(error))[-TRACE:])
 
 
@@ -128,7 +128,7 @@ class EngineTask:
         with redirect_stdout(sys.stderr):  # output of an engine must not mix with output of the command
             model = self.engine.load(self.files, **self.settings)
             lacks = declared_lacks(model, self.engine)  # before the engine sees the problem
-            answer = plain_answer(model.solve(self._ordered(model), progress), len(self.problem.task))
+            answer = plain_answer(model.solve(self._reorder(model), progress), len(self.problem.task))
             return replace(answer, lacks=lacks)
 
     def _ask_apart(self, progress: Progress) -> Solution | Failure:
@@ -176,12 +176,12 @@ class EngineTask:
         differences = first_few((each.sentence for each in found), DOUBTS, "; ")
         return replace(raised, reason=f"{raised.reason} The models differ: {differences}.") if differences else raised
 
-    def _ordered(self, model: EngineModel) -> Problem:
+    def _reorder(self, model: EngineModel) -> Problem:
         """Return the problem with the independent coordinates in the order of the user's model file."""
         labels, order, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
         if list(order) == labels or {*order} != {*labels} or isinstance(task, States):
             return self.problem
-        return replace(self.problem, task=task.ordered([labels.index(label) for label in order]))
+        return replace(self.problem, task=task.reorder([labels.index(label) for label in order]))
 
 
 class LeftOutError(Exception):

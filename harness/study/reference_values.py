@@ -165,7 +165,7 @@ class PreparedScene:
         """Return the generated model files of an engine."""
         return model_files(self.scene, engine, self.folder)
 
-    def written(self) -> list[Path]:
+    def list_files(self) -> list[Path]:
         """Return all files in the folder of the scene."""
         return [path for path in self.folder.rglob("*") if path.is_file()]
 
@@ -173,7 +173,7 @@ class PreparedScene:
         """Return the problem of the scene, optionally with a different task."""
         return Problem(self.scene.applied, self.scene.task if task is None else task, frozenset(wanted))
 
-    def moving(self, coordinates: tuple[str, ...]) -> States:
+    def states(self, coordinates: tuple[str, ...]) -> States:
         """Return the true motion of given joint coordinates."""
         q, v, a = (self.reference.values[name].pick(coordinates).array for name in QUANTITIES[:3])
         return States(coordinates, q, v, a=a)
@@ -181,7 +181,7 @@ class PreparedScene:
     def acceleration_problem(self, coordinates: tuple[str, ...]) -> Problem:
         """Return the problem of computing the accelerations at the true states of a tree under the true forces."""
         q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
-        return acceleration_problem(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
+        return acceleration_problem(self.scene.mechanism, self.scene.applied, self.states(coordinates), q, force)
 
 
 def acceleration_problem(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:

@@ -194,13 +194,13 @@ def _standin(scene: Scene, quantities: Iterable[str]) -> Solved:
     asked = {"": wanted, **dict.fromkeys(parts, frozenset(forces))}
     known: dict[tuple[str, bytes], Mapping[str, Values]] = {}
 
-    def solved(part: str, times: Array) -> Mapping[str, Values]:
+    def solve_part(part: str, times: Array) -> Mapping[str, Values]:
         if (key := (part, times.tobytes())) not in known:
             changed = replace(parts.get(part, scene), models={}, tables={}).at(times)
             known[key] = solve(changed, [STANDIN], asked[part])[0][STANDIN].values
         return known[key]
 
-    return solved
+    return solve_part
 
 
 def _expect_values(scene: Scene, quantity: str, right: Values, t: Array, solved: Solved) -> Expected:

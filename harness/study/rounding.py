@@ -19,7 +19,7 @@ def with_rounding(mechanism: Mechanism, problem: Problem, answers: Mapping[str, 
     rounding = cache(partial(rounding_errors, mechanism, problem))
     idle = cache(partial(idle_errors, mechanism, problem))
 
-    def estimated(answer: Solution) -> Solution:
+    def estimate(answer: Solution) -> Solution:
         if (kind := number_type(answer.engine)) is FLOAT64:
             return _with_idle(answer, idle) if answer.errors else answer
         try:
@@ -29,7 +29,7 @@ def with_rounding(mechanism: Mechanism, problem: Problem, answers: Mapping[str, 
             return replace(answer, errors={}, notes=(*answer.notes, note))
         return replace(answer, errors={name: one for name, one in errors.items() if name in answer.values})
 
-    return {name: estimated(answer) for name, answer in answers.items()}
+    return {name: estimate(answer) for name, answer in answers.items()}
 
 
 def _with_idle(answer: Solution, idle: Callable[[], Mapping[str, Mapping[str, float]]]) -> Solution:

@@ -25,7 +25,7 @@ from screwgauge.judging.judge import judge, summands
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
 from screwgauge.judging.trust import Refusal, integration_errors, integration_note, refusals
 from screwgauge.problem import Problem, Report, silent, spread
-from screwgauge.quantities import OF_MOTION, SIMULATED, Names, check_quantities, described
+from screwgauge.quantities import OF_MOTION, SIMULATED, Names, check_quantities, description_names
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout
@@ -199,7 +199,7 @@ def _check(scene: Scene, wanted: tuple[str, ...]) -> _Asked:
         ScrewgaugeError: The scene cannot be solved.
     """
     mechanism = scene.mechanism
-    names = described(mechanism, scene.points)
+    names = description_names(mechanism, scene.points)
     if scene.simulated:
         lay, warnings = check_start(scene)
         counts = mobility(lay, mechanism.home[None])

@@ -121,7 +121,7 @@ def run_tasks(
         pace.done += 1
         keep(keys[name], result)
 
-    execute(todo, done, lambda step, share: progress(pace.shown(step), share))
+    execute(todo, done, lambda step, share: progress(pace.add_rate(step), share))
     return [rows[name] for name in named]
 
 
@@ -164,7 +164,7 @@ class TaskRate:
     def __init__(self, n: int, clock: Callable[[], float] = monotonic) -> None:
         self.n, self.clock, self.done, self.began = n, clock, 0, clock()
 
-    def shown(self, step: str) -> str:
+    def add_rate(self, step: str) -> str:
         """Append the rate and the remaining time to a step, once they are known."""
         passed = self.clock() - self.began
         if self.done < 2 or passed <= 0.0:

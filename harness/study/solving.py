@@ -193,7 +193,7 @@ def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected:
     for quantity, values in answer.values.items():
         if quantity.startswith("tree_force") and {*values.components} <= {*mechanism.coordinates}:
             orders[quantity] = tuple(name for name in mechanism.coordinates if name in values.components)
-    return answer.arranged(orders)
+    return answer.reorder(orders)
 
 
 def _ask_all(

@@ -192,21 +192,21 @@ def _fit_size(x: Array, family: Family, place: int, base: int, mode: Mode) -> fl
     start, step = float(family.grid[place]), float(np.gradient(family.grid)[place])
     large = np.abs(x).max() or 1.0
 
-    def left(v: float) -> Array:
+    def residuals(v: float) -> Array:
         rows, numbers = family.apply(start + step * v, np.array([base]))
         factor, offset = _line(x[rows], numbers[:, 0], mode)
         out = np.zeros(len(x))
         out[rows] = (x[rows] - factor * numbers[:, 0] - offset) / large
         return out
 
-    v, rest, share = 0.0, left(0.0), 1.0
+    v, rest, share = 0.0, residuals(0.0), 1.0
     for _ in range(FITS):
         if share == 1.0:
             beside = np.copysign(SECANT, -v)  # stay within the bounds
-            slope = (left(v + beside) - rest) / beside
+            slope = (residuals(v + beside) - rest) / beside
         size, before = float(slope @ slope), float(rest @ rest)
         way = float(np.clip(v - slope @ rest / size, -WIDE, WIDE)) - v if size > 0.0 else 0.0
-        after = left(v + share * way)
+        after = residuals(v + share * way)
         gain = before - float(after @ after)
         if gain <= 0.0:
             share *= 0.25

@@ -153,12 +153,12 @@ def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
     inside = dense[1::2] < dense[::2][-1]
     left = np.abs(half(dense[1::2][inside]) - numbers[1::2][inside]).max() / (np.abs(numbers).max() or 1.0)
 
-    def shifted(delay: float, bases: Bases) -> tuple[Rows, Array]:
+    def shift(delay: float, bases: Bases) -> tuple[Rows, Array]:
         rows = np.flatnonzero((t - delay >= dense[0]) & (t - delay <= dense[-1]))
         return rows, np.asarray(BSpline.construct_fast(spline.t, spline.c[:, bases], DEGREE)(t[rows] - delay))
 
     grid = np.linspace(-REACH, REACH, STEPS) * (dense[-1] - dense[0])  # excludes zero
-    return Family("shift", "", grid, shifted, float(left) / 2.0**DEGREE, smooth=True)
+    return Family("shift", "", grid, shift, float(left) / 2.0**DEGREE, smooth=True)
 
 
 def _filters(arrays: Array, half: float) -> Iterator[Family]:
@@ -176,7 +176,7 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
         yield Family("mean", name, counts, mean)
     for (name, order), way in product(ORDERS.items(), ("forwards and backwards", "from its first value", "from zero")):
 
-        def passed(cutoff: float, bases: Bases, order: int = order, way: str = way) -> tuple[Rows, Array]:
+        def apply_filter(cutoff: float, bases: Bases, order: int = order, way: str = way) -> tuple[Rows, Array]:
             numbers, w = arrays[:, bases], min(cutoff / half, HIGHEST)
             last = np.exp(-np.pi * w)
             b, a = butter(order, w) if order else (np.array([1.0 - last]), np.array([1.0, -last]))
@@ -186,4 +186,4 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
             return every, lfilter(b, a, numbers, axis=0, zi=start)[0]
 
         cutoffs = half * np.geomspace(LOWEST, HIGHEST, CUTS)
-        yield Family("filter", f"{name}, {way}", cutoffs, passed, smooth=True)
+        yield Family("filter", f"{name}, {way}", cutoffs, apply_filter, smooth=True)

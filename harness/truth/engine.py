@@ -20,7 +20,7 @@ import screwgauge.reference
 import screwgauge.truth
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, check_fits, quiet, spread
-from screwgauge.quantities import QUANTITIES, Names, described, stages
+from screwgauge.quantities import QUANTITIES, Names, description_names, stages
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import layout, spanning_tree
@@ -105,7 +105,7 @@ def _usable_table(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, 
         table = SampleTable.unpack(stored)
     except (KeyError, TypeError, ValueError):
         return None
-    sizes = {name: len(columns[0]) for name, columns in described(mechanism, problem.points).items()}
+    sizes = {name: len(columns[0]) for name, columns in description_names(mechanism, problem.points).items()}
     return table if table.answers(_certifiable(problem), sizes, y, mechanism.independent_columns) else None
 
 
@@ -190,7 +190,7 @@ def _solution(
 ) -> Solution:
     n = len(problem.task)
     done = ~np.isnan(next(iter(table.mid.values()))).any(axis=1)
-    names = described(mechanism, problem.points)
+    names = description_names(mechanism, problem.points)
     wanted = [name for name in QUANTITIES if name in table.mid and name in problem.wanted]
 
     def spread(array: Array) -> Array:

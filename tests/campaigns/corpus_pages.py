@@ -4,7 +4,7 @@ import pandas as pd
 from campaigns.page import study
 
 from screwgauge.report.blocks import Banner
-from screwgauge.study.formatting import Row, grouped, rows
+from screwgauge.study.formatting import Row, group_rows, rows
 
 YES = "yes"
 #: What is wanted of the pairs: so many right, and no false verdict.
@@ -53,7 +53,7 @@ def _pair_groups(table: pd.DataFrame) -> list[Row]:
             "named": sum(int(row["rows"]) for row in some),
         }
 
-    groups = [line(str(name), some) for (name,), some in grouped(rows(table), "group").items()]
+    groups = [line(str(name), some) for (name,), some in group_rows(rows(table), "group").items()]
     first = [row for row in rows(table) if row["group"] in FIRST]
     return [*groups, line("own to parallel", first), line("all", rows(table))]
 
@@ -104,7 +104,7 @@ def _singles_banner(table: pd.DataFrame) -> Banner:
 
 def _by(*names: str) -> object:
     def lines(table: pd.DataFrame) -> list[Row]:
-        groups: Mapping[tuple[object, ...], list[Row]] = grouped(rows(table), *names)
+        groups: Mapping[tuple[object, ...], list[Row]] = group_rows(rows(table), *names)
         return [{"label": ", ".join(map(str, label)), **_figures(some)} for label, some in groups.items()]
 
     return lines

@@ -92,7 +92,7 @@ def own_library(file: Path, imported: Imported, *, floating: bool = False) -> Ow
     theirs = _whole(asked, tree, torques.states) - _turning(imported, tree, torques.states)
     ours = (np.swapaxes(velocities, 1, 2) @ inverse_dynamics(follower, there)[..., None])[..., 0]
     fits = follows & _same(tree, torques.states, follower, there)
-    apart = float(np.abs(torques.scaled(np.where(fits[:, None], theirs - ours, 0.0))).max(initial=0.0))
+    apart = float(np.abs(torques.project(np.where(fits[:, None], theirs - ours, 0.0))).max(initial=0.0))
     return OwnLibrary(library, apart, int(fits.sum()), asked.untouched)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from screwgauge.models.importing import is_model
 from screwgauge.report.blocks import LONG, Block, Group, Text, table
-from screwgauge.study.formatting import Row, grouped
+from screwgauge.study.formatting import Row, group_rows
 
 #: Package -> its version, its folder of models, their files, and those besides of which the base floats.
 PACKAGES = tomllib.loads(Path(__file__).with_name("public.toml").read_text(encoding="utf-8"))
@@ -83,7 +83,7 @@ def _label(path: Path | str) -> str:
 
 def by_source(rows: Iterable[Row], columns: str) -> list[Block]:
     blocks: list[Block] = []
-    for (source,), some in grouped(rows, "source").items():
+    for (source,), some in group_rows(rows, "source").items():
         every = table(some, columns)
         blocks += [Text(str(source), 2), Group("folded", (every,), f"All {len(some)} models") if some[LONG:] else every]
     return blocks

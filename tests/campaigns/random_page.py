@@ -8,7 +8,7 @@ from campaigns.page import study
 from campaigns.random_mechanisms import CERTIFIED, ENGINES
 
 from screwgauge.report.blocks import Banner, Table, table
-from screwgauge.study.formatting import Row, grouped, rows
+from screwgauge.study.formatting import Row, group_rows, rows
 
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
 
@@ -30,7 +30,7 @@ def _banner(found: pd.DataFrame) -> Banner:
 
 def _families(found: pd.DataFrame) -> Table:
     verdicts, lines = [verdict for verdict in VERDICTS if (found["verdict"] == verdict).any()], []
-    for (family,), group in grouped(rows(found), "family").items():
+    for (family,), group in group_rows(rows(found), "family").items():
         counts, asked = Counter(row["verdict"] for row in group), [row["truth"] for row in group if row["truth"]]
         measured = [row for row in group if row["max_scaled"] != ""]
         worst = max(measured, key=lambda row: float(row["max_scaled"]) / float(row["tolerance"]), default={})
@@ -51,7 +51,7 @@ def _reasons(found: pd.DataFrame) -> list[Row]:
         )
         if text
     ]
-    groups = sorted(grouped(told, "reason").items(), key=lambda item: (-len(item[1]), item[0]))
+    groups = sorted(group_rows(told, "reason").items(), key=lambda item: (-len(item[1]), item[0]))
     return [{**group[0], "count": len(group)} for _, group in groups]
 
 

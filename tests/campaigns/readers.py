@@ -19,7 +19,7 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.report.blocks import Banner
 from screwgauge.solution import Failure
-from screwgauge.study.formatting import Row, grouped, missing, number, rows, size
+from screwgauge.study.formatting import Row, group_rows, is_empty, number, rows, size
 from screwgauge.study.loading import read_isolated
 
 #: Causes that are named; the others are counted.
@@ -106,7 +106,7 @@ def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Rea
 
 
 def _banner(table: pd.DataFrame) -> Banner:
-    models = grouped(rows(table), "source", "model", "format").values()
+    models = group_rows(rows(table), "source", "model", "format").values()
     text = f"{len(models)} models: {counted(map(_outcome, models))}."
     return Banner(text, "", "agree" if all(_outcome(lines) == "equal" for lines in models) else "note")
 
@@ -115,7 +115,7 @@ def _line(lines: Sequence[Row]) -> Row:
     read = {row["library"]: row for row in lines if row["loads"]}
     cells = {n: f"{row['freedoms']:g}, {number(row['mass'])}" if (row := read.get(n)) else "no" for n in ASKED}
     names = {"torque": "torques", "rigid": "rigid_body"}
-    sizes = {names[k]: "" if missing(lines[-1][k]) else size(lines[-1][k]) for k in names}
+    sizes = {names[k]: "" if is_empty(lines[-1][k]) else size(lines[-1][k]) for k in names}
     return {**lines[0], **cells, **sizes, "found": _outcome(lines)}
 
 
@@ -124,7 +124,7 @@ def _outcome(lines: Sequence[Row]) -> str:
     if len(read) < len(ASKED):
         return f"read by {read[0]} alone" if read else "read by neither"
     torque, rigid = lines[-1]["torque"], lines[-1]["rigid"]
-    if missing(torque):
+    if is_empty(torque):
         return "other joints"
     if torque <= SAME:
         return "equal"
@@ -137,5 +137,5 @@ PAGE = study(
     "Readers of public models",
     _banner,
     causes=lambda table: [row for row in rows(table) if row["cause"]],
-    models=lambda table: by_source(map(_line, grouped(rows(table), "source", "model", "format").values()), SHOWN),
+    models=lambda table: by_source(map(_line, group_rows(rows(table), "source", "model", "format").values()), SHOWN),
 )

@@ -11,7 +11,7 @@ from campaigns.verdict import counts, judged
 
 from screwgauge.engines.registry import ENGINES
 from screwgauge.report.blocks import Banner, Table, table
-from screwgauge.study.formatting import grouped, rows
+from screwgauge.study.formatting import group_rows, rows
 from screwgauge.study.run import run
 
 PAIR = ("screw", "lagrange")
@@ -48,7 +48,7 @@ def _banner(found: pd.DataFrame) -> Banner:
 
 def _families(found: pd.DataFrame) -> Table:
     verdicts, lines = sorted({*found["verdict"]}), []
-    for (family,), group in grouped(rows(found), "family").items():
+    for (family,), group in group_rows(rows(found), "family").items():
         worst = max((row for row in group if row["max_scaled"]), key=lambda row: float(row["max_scaled"]), default={})
         error = {"worst": worst.get("max_scaled", ""), **{key: worst.get(key, "") for key in ("quantity", "seed")}}
         counts = Counter(row["verdict"] for row in group)

@@ -9,7 +9,7 @@ from campaigns.selftest import ALIKE, CHANGED, CLOSE, VISIBLE
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.layout import Value
-from screwgauge.study.formatting import Row, grouped, rows, words
+from screwgauge.study.formatting import Row, group_rows, rows, words
 
 #: What is wanted: share detected of the changes that torques show, named right, magnitude right; time [s].
 WANTED = {"detected": 0.99, "named right": 0.95, "magnitude right": 0.95}
@@ -63,7 +63,7 @@ def _by(label: Callable[[Row], str], order: Callable[[Row], Any] = lambda row: 0
         return [
             {"label": name, "diagnoses": len(group), "time": f"{_median(group):.2f}"}
             | {k.replace(" ", "_"): f"{good}/{of}" if of else "" for k, (good, of) in _figures(group).items()}
-            for (name,), group in grouped(labelled, "label").items()
+            for (name,), group in group_rows(labelled, "label").items()
         ]
 
     return lines
@@ -83,7 +83,7 @@ def _alike(table: pd.DataFrame) -> list[Row]:
             "alarms": sum(row["detected"] for row in group),
             "worst": f"{max(float(row['effect']) for row in group):.1e}",
         }
-        for (kind,), group in grouped(_of(table, ALIKE), "kind").items()
+        for (kind,), group in group_rows(_of(table, ALIKE), "kind").items()
     ]
 
 

@@ -211,7 +211,7 @@ def _rank(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact
 def _row(groups: Sequence[tuple[Fact, ...]], torques: Torques) -> _Row:
     facts = [fact for group in groups for fact in group]
     effect = torques.effect(facts) if facts and have_values(facts) else None
-    return tuple(groups), None if effect is None else torques.scaled(effect)
+    return tuple(groups), None if effect is None else torques.project(effect)
 
 
 def _give_shares(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:

@@ -100,7 +100,7 @@ def _transform(reading: Reading, T: Array, length: float, mass: float, inertia: 
     def frame(X: Array) -> Array:
         return F @ matrix(length * X[:3, 3], X[:3, :3]) @ F
 
-    def there(X: Array) -> Array:
+    def transform(X: Array) -> Array:
         return T @ F @ frame(X)  # keeps frames right-handed
 
     def joint(one: JointReading) -> JointReading:
@@ -114,16 +114,16 @@ def _transform(reading: Reading, T: Array, length: float, mass: float, inertia: 
         }
         fixed = {n: frame(X) for n, X in one.fixed.items()}
         new = replace(one, mass=mass * one.mass, com=length * M @ one.com, inertia=inertia * M @ one.inertia @ M)
-        return replace(new, pose=there(one.pose), fixed=fixed, parts=parts)
+        return replace(new, pose=transform(one.pose), fixed=fixed, parts=parts)
 
     def end(name: str, X: Array) -> Array:
-        return frame(X) if name in reading.bodies else there(X)
+        return frame(X) if name in reading.bodies else transform(X)
 
     return replace(
         reading,
         bodies={n: body(each) for n, each in reading.bodies.items()},
         joints={n: joint(each) for n, each in reading.joints.items()},
-        fixed={n: there(X) for n, X in reading.fixed.items()},
+        fixed={n: transform(X) for n, X in reading.fixed.items()},
         closures={
             n: replace(c, first_frame=end(c.first, c.first_frame), second_frame=end(c.second, c.second_frame))
             for n, c in reading.closures.items()

@@ -15,7 +15,7 @@ from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.closing import ClosedMotion
 from screwgauge.engines.kit.poses import com_accelerations
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
-from screwgauge.quantities import described, length
+from screwgauge.quantities import description_names, length
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -105,7 +105,7 @@ def answer(
         return replace(solved, values={name: x for name, x in solved.values.items() if name in problem.wanted})
 
     n, size, clock = len(problem.task), (length(mechanism), mechanism.mass), clock or Clock()
-    return assemble(labels, n, part, lambda: described(mechanism, problem.points), clock, progress, size, PART)
+    return assemble(labels, n, part, lambda: description_names(mechanism, problem.points), clock, progress, size, PART)
 
 
 def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:

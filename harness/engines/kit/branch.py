@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from screwgauge.engines.error_estimate import SolvedPart, Trust, examine_part
 from screwgauge.engines.kit.answers import at_samples
 from screwgauge.problem import GivenMotion, Rows
-from screwgauge.quantities import described, length
+from screwgauge.quantities import description_names, length
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.linear import invert, norms
@@ -55,7 +55,7 @@ class Branch:
             points: Named points, whose velocities are components of the quantity `jacobian`.
         """
         self._gaps, self._columns, self._length = gaps, mechanism.independent_columns, length(mechanism)
-        self._component_units = {name: units for name, (_, units) in described(mechanism, points).items()}
+        self._component_units = {name: units for name, (_, units) in description_names(mechanism, points).items()}
         self._sizes = np.where([unit == "rad" for unit in mechanism.units], 1.0, self._length)
         self._units = np.concatenate([np.where(angular, 1.0, self._length), self._sizes[self._columns]])
         self._t, self._y, self._many = np.nan, mechanism.home[self._columns], MANY

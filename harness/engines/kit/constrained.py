@@ -25,7 +25,7 @@ from screwgauge.engines.kit.rates import per_actuator
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions
 from screwgauge.engines.kit.statement import check_statement
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
-from screwgauge.quantities import RULED, described, length, stages
+from screwgauge.quantities import RULED, description_names, length, stages
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import Mechanism
@@ -111,7 +111,7 @@ class _PartSolver:
         def solve_perturbed(some: Rows, shake: Array) -> dict[str, Array]:
             return self._evaluate(self.closing.perturb(closed, some, shake), at_samples(applied, some))[0]
 
-        table, k = described(mechanism, self.problem.points), motion.y.shape[1]
+        table, k = description_names(mechanism, self.problem.points), motion.y.shape[1]
         units = {name: units for name, (_, units) in table.items()}
         part = examine_part(values, trust, closed.system, k, solve_perturbed, self.clock, units, length(mechanism))
         return replace(part, q=closed.q)

@@ -93,7 +93,7 @@ class MujocoDynamics(TreeDynamics):
             data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q[i], v[i], tau[i]
             data.qacc_warmstart[:] = 0.0
             if self.settings.weld:
-                with clock.aside():
+                with clock.pause():
                     _align(model, data)
             mujoco.mj_forward(model, data)
             out[i] = data.qacc

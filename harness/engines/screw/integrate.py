@@ -125,7 +125,7 @@ class _Run:
         if at.condition[worst] > self.near:
             raise _Near(self.lay, at.q[worst], float(at.condition[worst]))
         if self.traced is not None:
-            with self.clock.aside():  # the call may rebuild the programs
+            with self.clock.pause():  # the call may rebuild the programs
                 self.traced.learn(at.q[0], at.joint_map[0], float(at.condition[0]) if q is not None else np.inf)
         return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
 
@@ -170,7 +170,7 @@ class _Run:
                 if size is not None:
                     solver, size = method(self.slope, *safe, times[-1], **{**options, "first_step": size}), None
                 message = solver.step()
-                with self.clock.aside():  # dense output may evaluate further states
+                with self.clock.pause():  # dense output may evaluate further states
                     between = solver.dense_output() if times[len(self.work)] <= solver.t else None
             except (_Near, ClosureError, SingularPoseError) as error:
                 if tries == len(SIZES) or self.stepped_over == MOST:
@@ -184,7 +184,7 @@ class _Run:
             self.taken, tries = self.taken + 1, 0
             progress(float((solver.t - times[0]) / (times[-1] - times[0])))
             try:
-                with self.clock.aside():
+                with self.clock.pause():
                     if self.friction.names and (held := self.friction.holds(before, safe, solver.dense_output())):
                         return f"t = {before[0]:.6g} s: {held}"
                     if between is not None:

@@ -240,14 +240,14 @@ class _Steps:
     def _keep_passed(self, solver: Any, before: State, clock: Stopwatch) -> None:
         """Project the state onto the loops, and store the requested states that the step has passed."""
         run, times = self.run, self.times
-        with clock.aside():
+        with clock.pause():
             between = solver.dense_output() if run.friction.names or times[len(run.work)] <= solver.t else None
             if between is not None:
                 run.check_moving(before, (solver.t, solver.y), between)
         if self.back and solver.status == "running":
             solver.y = run.project_state(solver.y)
             solver.f = run.slope(solver.t, solver.y)
-        with clock.aside():
+        with clock.pause():
             if between is not None:
                 keep_passed(solver, between, times, run.work, run.keep)
 
@@ -312,7 +312,7 @@ def step_through(
     closing: list[Array] = []
 
     def keep(t: float, q: Array, v: Array) -> None:
-        with clock.aside():
+        with clock.pause():
             a, pulls = stepper.accelerations(t)
             path.add(t, q, v, a)
             closing.append(pulls)
@@ -331,7 +331,7 @@ def step_through(
                 done, steps = done + count, steps + count
                 if run.friction.names:
                     ends = [np.concatenate([*each, [0.0]]) for each in (before, (q, v))]
-                    with clock.aside():
+                    with clock.pause():
                         run.check_moving((t, ends[0]), (begin + done * h, ends[1]))
                 progress(float((begin + done * h - times[0]) / (times[-1] - times[0])))
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):

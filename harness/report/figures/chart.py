@@ -42,18 +42,18 @@ def _text(name: str) -> str:
 
 def fill_template(name: str, /, **values: Any) -> Spec:
     """Replace every ``"$key"`` in a specification, at any depth; a facet with one panel becomes that panel."""
-    spec: Spec = _filled(json.loads(_text(name)), _COMMON | values)
+    spec: Spec = _fill(json.loads(_text(name)), _COMMON | values)
     if spec.get("columns") == 1:
         panel = spec.pop("spec")
         spec = {key: value for key, value in spec.items() if key not in ("facet", "columns")} | panel
     return spec
 
 
-def _filled(node: Any, values: Spec) -> Any:
+def _fill(node: Any, values: Spec) -> Any:
     if isinstance(node, dict):
-        return {key: _filled(item, values) for key, item in node.items()}
+        return {key: _fill(item, values) for key, item in node.items()}
     if isinstance(node, list):
-        return [_filled(item, values) for item in node]
+        return [_fill(item, values) for item in node]
     return values[node[1:]] if isinstance(node, str) and node.startswith("$") and len(node) > 1 else node
 
 

@@ -89,7 +89,7 @@ class Renderer:
         finally:
             timer.cancel()
         if not line:
-            raise _error(_ending(process))
+            raise _error(_describe_end(process))
         self.able = True
         answer: dict[str, Any] = json.loads(line)
         if "error" in answer:
@@ -115,7 +115,7 @@ def _error(why: str) -> DrawingError:
     return DrawingError(why, "", "draw the picture on a computer with more memory, or report this")
 
 
-def _ending(process: subprocess.Popen[bytes]) -> str:
+def _describe_end(process: subprocess.Popen[bytes]) -> str:
     """Describe how the process ended, with a possible cause."""
     status = process.wait()
     if status == -signal.SIGKILL:

@@ -17,7 +17,7 @@ from screwgauge.report.figures.contour import contour_picture
 from screwgauge.report.figures.drawings import Drawing, named_drawings, short_labels
 from screwgauge.solution import common_rows
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.formatting import missing, number, unit_text, words
+from screwgauge.study.formatting import is_empty, number, unit_text, words
 
 MAX_CURVES = 12  # largest number in a panel; more curves cannot be distinguished
 FLOOR = 1e-18  # value at which a zero difference is drawn if all are zero
@@ -46,7 +46,7 @@ class _Subject:
     values: dict[str, dict[str, Array]]
     solved: dict[str, NDArray[np.bool_]]
 
-    def given(self, *engines: str) -> list[str]:
+    def components(self, *engines: str) -> list[str]:
         """Return the components that all given engines have (tables may lack some), or all components if none do."""
         known = [{name for name, v in self.values[engine].items() if np.isfinite(v).any()} for engine in engines]
         names = self.drawing.names
@@ -231,7 +231,7 @@ def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str
 
 def _largest_difference(subject: _Subject, pair: Pair) -> Apart:
     """Return times, the largest difference at each (NaN if a value is NaN), and its component. Shapes (n,)."""
-    both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.given(*pair)
+    both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.components(*pair)
     first, second = (np.array([subject.values[engine][name][both] for name in names]) for engine in pair)
     apart = np.abs(first - second)
     apart[~np.isfinite(apart)] = np.inf  # larger than any finite difference
@@ -251,7 +251,7 @@ def _compared_pairs(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair
     table = comparison.errors
     rows = table[(table["quantity"] == drawing.quantity) & (table["unit"] == drawing.unit)]
     rows = rows[rows["component"].isin(drawing.names)]
-    limits = {number(limit, 4) for limit in rows["tolerance"] * rows["scale"] if not missing(limit)}
+    limits = {number(limit, 4) for limit in rows["tolerance"] * rows["scale"] if not is_empty(limit)}
     pairs = list(dict.fromkeys(zip(rows["a"], rows["b"], strict=True)))
     return pairs, float(limits.pop()) if len(limits) == 1 else None
 
@@ -265,7 +265,7 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
     if drawn < len(names):
         yield f"Curves: the {drawn} of {len(names)} components that vary most. Differences: all {len(names)}."
     for engine, solved in subject.solved.items():
-        known = np.all([np.isfinite(subject.values[engine][name]) for name in subject.given(engine)], axis=0)
+        known = np.all([np.isfinite(subject.values[engine][name]) for name in subject.components(engine)], axis=0)
         bad = subject.t[solved & ~known]
         if len(bad):
             span = f"t = {number(bad[0])} s" + (f" to {number(bad[-1])} s" if len(bad) > 1 else "")

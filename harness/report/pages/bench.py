@@ -35,9 +35,9 @@ from screwgauge.study.formatting import (
     Row,
     digits_text,
     duration,
-    grouped,
-    listed,
-    missing,
+    group_rows,
+    is_empty,
+    join_all,
     number,
     rows,
     size,
@@ -84,7 +84,7 @@ def _banners(bench: Bench) -> list[Banner]:
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
     """Return the fastest family for each error level, with its lead: first families that close loops, then the rest."""
     lines, table = list[Row](), [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity]
-    for (given, level), (best, *others) in grouped(table, "given", "error").items():
+    for (given, level), (best, *others) in group_rows(table, "given", "error").items():
         cost = best["seconds_per_sample"]
         lead = {"next": "none", "times_as_long": ""}
         if others:
@@ -106,11 +106,11 @@ def headline(bench: Bench) -> str:
 def _remarks(bench: Bench) -> list[str]:
     """Count the rows, the slopes that match theory, and the failures."""
     table_rows = rows(bench_table(bench.rows))
-    parts = [f"{count(len(table_rows), 'row')} in {len(grouped(table_rows, 'family'))} families of methods."]
+    parts = [f"{count(len(table_rows), 'row')} in {len(group_rows(table_rows, 'family'))} families of methods."]
     if bench.fits:
         parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes match theory.")
     if failed := [row["contestant"] for row in table_rows if row["status"] == FAILED]:
-        parts.append(f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(failed))}.")
+        parts.append(f"{count(len(failed), 'row')} failed: {join_all(dict.fromkeys(failed))}.")
     return parts
 
 
@@ -143,7 +143,7 @@ def _failures(bench: Bench) -> list[Row]:
     """Return a row for each failed contestant and reason, with all settings and quantities."""
     failed = [row for row in rows(bench_table(bench.rows)) if row["status"] == FAILED]
     lines = list[Row]()
-    for group in grouped(failed, "contestant", "reason").values():
+    for group in group_rows(failed, "contestant", "reason").values():
         settings, quantities = (list(dict.fromkeys(row[key] for row in group)) for key in ("setting", "quantity"))
         more = f" and {count(len(settings) - 1, 'more setting')}" if len(settings) > 1 else ""
         lines.append({**group[0], "setting": settings[0] + more, "quantity": ", ".join(quantities)})
@@ -154,7 +154,7 @@ def _cut_short(bench: Bench) -> list[Row]:
     """Count, for each family and for omissions, the rows that were cut short."""
     left_out = [{**row, "family": "leaving out", "contestant": row["engine"]} for row in rows(bench.leaving_out)]
     cut = [row for row in [*rows(bench_table(bench.rows)), *left_out] if row["status"] == CUT]
-    families = ((name, [row["contestant"] for row in group]) for (name,), group in grouped(cut, "family").items())
+    families = ((name, [row["contestant"] for row in group]) for (name,), group in group_rows(cut, "family").items())
     return [{"family": name, "rows": len(c), "contestants": ", ".join(dict.fromkeys(c))} for name, c in families]
 
 
@@ -162,9 +162,9 @@ def _reach(bench: Bench) -> list[Block]:
     """Return a table for each quantity: families ordered by the time to their smallest error."""
     blocks: list[Block] = []
     head = ("family", *(f"to {level:.0e}" for level in LEVELS), "setting that reaches the smallest")
-    for (quantity,), reached in reversed(grouped(rows(reach(bench.rows)), "quantity").items()):
+    for (quantity,), reached in reversed(group_rows(rows(reach(bench.rows)), "quantity").items()):
         lines = []
-        for (family,), group in grouped(reached, "family").items():
+        for (family,), group in group_rows(reached, "family").items():
             at = {row["error"]: row for row in group}
             order = [at[x]["seconds_per_sample"] if x in at else np.inf for x in reversed(LEVELS)]
             times = [duration(at[x]["seconds_per_sample"]) + " †" * at[x]["given"] if x in at else "-" for x in LEVELS]
@@ -180,11 +180,11 @@ def _savings(bench: Bench) -> list[Block]:
     def line(row: Row) -> Row:
         left = size(row["max_difference"]) if row["status"] == "ok" else row["status"]
         cells = {"asked": f"{row['group']} {row['setting']}".strip(), "largest_difference": left}
-        share = "" if missing(row["ratio"]) else f"{row['ratio']:.2f}"
+        share = "" if is_empty(row["ratio"]) else f"{row['ratio']:.2f}"
         same = f"✗ {row['reason']}" if row["reason"] else tick(row["unchanged"])
         return {**row, **cells, "share": share, "same": same}
 
-    groups = grouped(rows(bench.leaving_out), "engine").items()
+    groups = group_rows(rows(bench.leaving_out), "engine").items()
     return [table(map(line, group), f"{engine} = {LEFT_OUT}") for (engine,), group in groups]
 
 
@@ -199,7 +199,7 @@ def _simulated_headline(bench: Bench) -> str:
     parts.append(f"{len(rows)} contestants on {number(t[-1] - t[0])} s of motion.")
     for status, what in ((FAILED, "Failed or stopped early"), (CUT, "Cut short")):
         names = dict.fromkeys(row.contestant.family for row in rows if row.status == status)
-        parts += [f"{what}: {listed(names)}."] if names else []
+        parts += [f"{what}: {join_all(names)}."] if names else []
     return " ".join(parts)
 
 
@@ -209,8 +209,8 @@ def _measurements(bench: Bench) -> list[Row]:
     for row, energy in pairs(bench.rows):
         line: Row = {name: getattr(row.contestant, name) for name in ("family", "setting", "label")}
         line["observable"] = ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items())
-        line["scaled"] = "" if missing(row.error) else size(row.error)
-        line["energy"] = "".join(size(value) for value in energy.largest.values() if not missing(value))
+        line["scaled"] = "" if is_empty(row.error) else size(row.error)
+        line["energy"] = "".join(size(value) for value in energy.largest.values() if not is_empty(value))
         line |= {"cpu": row.cost.cpu_s, "wall": row.cost.wall_s, "status": row.status}
         line |= {"steps": row.cost.steps, "evaluations": row.cost.evaluations} if row.cost.steps else NO_STEPS
         lines.append({**line, "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}"})

@@ -22,7 +22,7 @@ from screwgauge.report.text import markdown, terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.report.write import Shown
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.formatting import beyond, digits_text, file_name, number, size
+from screwgauge.study.formatting import digits_text, error_ratio, file_name, number, size
 from screwgauge.study.gate.check import SHOWN, Check
 from screwgauge.study.gate.check import check_with as check_items_with
 from screwgauge.study.gate.items import GateRow
@@ -80,7 +80,7 @@ def _banner(check: Check) -> Banner:
     return Banner.of(" ".join(sentences), check.ok, "OK, but" if qualified else "OK", "FAILED")
 
 
-def _admitted(check: Check) -> list[str]:
+def _admitted_differences(check: Check) -> list[str]:
     """List the allowed differences and their scenes."""
     scenes: dict[str, list[str]] = {}
     for row in check.rows:
@@ -105,7 +105,7 @@ def _rows(check: Check) -> list[dict[str, Any]]:
     """Return rows for tables, sorted: failed rows first, then those closest to their tolerance."""
 
     def order(row: GateRow) -> tuple[bool, float]:
-        return row.ok, -beyond(row.worst.error, row.worst.tolerance) if row.worst else 0.0
+        return row.ok, -error_ratio(row.worst.error, row.worst.tolerance) if row.worst else 0.0
 
     return _lines(sorted(check.rows, key=order))
 
@@ -206,7 +206,7 @@ PAGE = _Page(
         "rows": _rows,
         "tolerances": _tolerances,
         "unread": lambda check: [*check.unread],
-        "admitted": _admitted,
+        "admitted": _admitted_differences,
         "tested": lambda check: [f"{row.scene}: {row.coverage or row.sentence}" for row in check.rows if row.ok],
     },
     draw=_pictures,

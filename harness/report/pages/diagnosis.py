@@ -101,7 +101,7 @@ def _permutation(diagnosis: Diagnosis) -> str:
     return f"q_b = q_a[{[*order.permutation]}]" if order else ""
 
 
-def _ignored(diagnosis: Diagnosis) -> list[str]:
+def _ignored_content(diagnosis: Diagnosis) -> list[str]:
     """List content that libraries ignore and that `not_compared` does not mention."""
     whats = [(side, what) for side, model in _sides(diagnosis) for what in model.reading.ignored]
     return [f"{what} in {side}" for side, what in whats if f"{what} in {side}" not in diagnosis.not_compared]
@@ -147,7 +147,7 @@ PAGE = Report(
         "witnesses": _witnesses,
         "map": _map,
         "permutation": _permutation,
-        "ignored": _ignored,
+        "ignored": _ignored_content,
         "not compared": lambda diagnosis: diagnosis.not_compared,
         "models": lambda diagnosis: {side: _file(m) for side, m in _sides(diagnosis)},
     },

@@ -13,7 +13,7 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.parameters import unit
 from screwgauge.report.blocks import Banner
 from screwgauge.report.layout import Report
-from screwgauge.study.formatting import Row, listed, number
+from screwgauge.study.formatting import Row, join_all, number
 from screwgauge.study.identify.directions import LIST, MASS
 from screwgauge.study.identify.run import FASTER, Identification
 
@@ -55,9 +55,9 @@ def _unseen(found: Identification) -> Iterator[str]:
     through = [one for one in found.structure.directions if one.kind != LIST]
     for (joint, kind, bodies), some in groupby(through, lambda one: (one.joint, one.kind, one.bodies)):
         axes = [one.axis for one in some]
-        many, where = len(axes) > 1, "at the centre" if kind == MASS else f"({listed(axes)})"
+        many, where = len(axes) > 1, "at the centre" if kind == MASS else f"({join_all(axes)})"
         what = f"{kind}s {where} of {joint}" if many else f"a {kind} {where} of {joint}"
-        ends = f"may shift between {listed(bodies)}"
+        ends = f"may shift between {join_all(bodies)}"
         yield f"{what} {ends if len(bodies) > 1 else f'on {bodies[0]} ' + ('are' if many else 'is') + ' unobservable'}"
     lists = [[*one.entries] for one in found.structure.directions if one.kind == LIST]
     if alone := [names[0] for names in lists if len(names) == 1]:
@@ -90,7 +90,7 @@ def _rows(found: Identification) -> list[Row]:
     ]
 
 
-def _seen(found: Identification) -> list[Row]:
+def _best_rows(found: Identification) -> list[Row]:
     """Return rows for the most accurately determined numbers."""
     shares = np.where(found.known, found.after / np.where(found.prior > 0.0, found.prior, 1.0), np.inf)
     order = np.argsort(shares, kind="stable")
@@ -125,7 +125,7 @@ PAGE = Report(
         "title": lambda found: f"Identification of {found.scene.title}",
         "headline": headline,
         "about": lambda found: {"scene": found.scene.name, "data": found.data.name if found.data else "none"},
-        "seen": _seen,
+        "seen": _best_rows,
         "unseen": lambda found: [*_unseen(found)],
         "lists": lambda found: [*_lists(found)],
         "numbers": _rows,

@@ -8,7 +8,7 @@ import pandas as pd
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.layout import Report
-from screwgauge.study.formatting import Row, listed, rows
+from screwgauge.study.formatting import Row, join_all, rows
 from screwgauge.study.matrix import COLUMNS
 
 PACKAGES = "pin", "mujoco"
@@ -26,7 +26,7 @@ def _pairs(some: Iterable[Row]) -> str:
     grouped: dict[str, list[str]] = {}
     for row in some:
         grouped.setdefault(row["mujoco"], []).append(row["pin"])
-    return listed([f"pin {listed(pins)} with mujoco {mujoco}" for mujoco, pins in grouped.items()])
+    return join_all([f"pin {join_all(pins)} with mujoco {mujoco}" for mujoco, pins in grouped.items()])
 
 
 def _reasons(table: pd.DataFrame) -> list[str]:

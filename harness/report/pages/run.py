@@ -37,11 +37,11 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import (
     FORMS,
     Row,
-    beyond,
     digits_text,
-    grouped,
-    listed,
-    missing,
+    error_ratio,
+    group_rows,
+    is_empty,
+    join_all,
     number,
     rows,
     size,
@@ -60,13 +60,13 @@ def _banners(results: Comparison) -> list[Banner]:
     return [headline, *(Banner(sentence, "Warning") for sentence in warnings if sentence not in known)]
 
 
-def _shown(errors: Iterable[Row]) -> list[Row]:
+def _error_rows(errors: Iterable[Row]) -> list[Row]:
     """Return rows for tables, with component and time of the worst error, marked if the error is out of tolerance."""
     shown = []
     for row in errors:
         component, t = row.get("worst_component"), row.get("worst_t")
-        nowhere = missing(component) or not component
-        at = "-" if nowhere else component if missing(t) else f"{component} @ {number(t)} s"
+        nowhere = is_empty(component) or not component
+        at = "-" if nowhere else component if is_empty(t) else f"{component} @ {number(t)} s"
         digits, sign = digits_text(row["max_scaled"]), "" if row["ok"] else " ✗"
         cells: Row = {"reached": f"{digits.replace('NaN', 'no number')}{sign}", "digits": digits.replace("NaN", "-")}
         cells |= {"residue": f"{size(row['max_scaled'])}{sign}", "worst_at": at, "rule": row.get("rule") or "-"}
@@ -81,9 +81,9 @@ def _worst_three(results: Comparison) -> list[Row]:
     residuals = (row for row in rows(results.judge) if row["engine"] not in results.failures)
     errors += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in residuals]
     groups = dict[str, list[Row]]()
-    for row in sorted(errors, key=lambda row: (_is_open_tree(row), -beyond(row["max_scaled"], row["tolerance"]))):
+    for row in sorted(errors, key=lambda row: (_is_open_tree(row), -error_ratio(row["max_scaled"], row["tolerance"]))):
         groups.setdefault("tree" if _is_open_tree(row) else row["what"], []).append(row)
-    three = _shown(_least(group) for group in list(groups.values())[:3])
+    three = _error_rows(_least(group) for group in list(groups.values())[:3])
     return [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
 
 
@@ -105,11 +105,11 @@ def _what(results: Comparison) -> dict[str, Any]:
 
 def _overview(results: Comparison) -> list[Row]:
     """Return the digits to which each pair agrees, and those that the tolerance requires; pairs that differ first."""
-    lines, groups = list[Row](), grouped(compared_pairs(results), "quantity", "unit").values()
+    lines, groups = list[Row](), group_rows(compared_pairs(results), "quantity", "unit").values()
     for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
         needed = span(digits_text(max(tolerances)), digits_text(min(tolerances)))
-        lines += [{**row, "needed": needed} for row in _shown(group)]
+        lines += [{**row, "needed": needed} for row in _error_rows(group)]
     return lines
 
 
@@ -132,7 +132,7 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 
 def _pairs(results: Comparison) -> dict[str, list[Row]]:
     """Return the name of each picture -> rows of its pairs, for unique components only."""
-    rows = grouped(compared_pairs(results), "quantity", "unit")
+    rows = group_rows(compared_pairs(results), "quantity", "unit")
     return {name: rows.get((one.quantity, one.unit), []) for name, one in named_drawings(results).items() if one.unique}
 
 
@@ -180,7 +180,7 @@ def _conditioning(results: Comparison) -> list[Block]:
     text = f"nothing flagged; largest estimated {kind} {_estimate(worst)} ({quantity} of {engine})"
     if bad:
         text = (
-            f"{len(bad)} of {len(results.guard)} results flagged ({listed(dict.fromkeys(name for name, _ in bad))}); "
+            f"{len(bad)} of {len(results.guard)} results flagged ({join_all(dict.fromkeys(name for name, _ in bad))}); "
             f"worst {quantity} of {engine} at t = {number(results.times[worst.worst])} s: estimated error "
             f"{_estimate(worst)}, condition {size(worst.worst_condition)}"
         )
@@ -203,7 +203,7 @@ def _times(results: Comparison) -> list[Row]:
     return [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in timings(results)]
 
 
-def published(results: Comparison) -> list[Row]:
+def published_rows(results: Comparison) -> list[Row]:
     """Return errors and times of this run and of published results."""
     theirs_, ours = [*map(published_row, results.scene.published)], list[Row]()
     pairs, judged = results.pairs, results.judge
@@ -222,20 +222,20 @@ def published(results: Comparison) -> list[Row]:
 
 def published_row(item: Published) -> Row:
     """Build the table row of a published result, with its error in the column of the measured quantity."""
-    off = "" if missing(item.accuracy) else size(item.accuracy)
+    off = "" if is_empty(item.accuracy) else size(item.accuracy)
     errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
-    cpu_s = None if missing(item.cpu_s) else item.cpu_s
+    cpu_s = None if is_empty(item.cpu_s) else item.cpu_s
     return {"who": item.who, **errors, "cpu_s": cpu_s, "remark": item.remark, "source": item.source}
 
 
 def _worst(errors: Sequence[Row], key: str) -> list[Row]:
     """Return the worst error for each key and unit; errors out of tolerance are worse than others, and NaN is worst."""
-    return _shown(map(_least, grouped(errors, key, "unit").values()))
+    return _error_rows(map(_least, group_rows(errors, key, "unit").values()))
 
 
 def _least(group: Sequence[Row]) -> Row:
     """Return the row with the fewest digits, of the rows out of tolerance if there are any, as in the verdict."""
-    return max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0)))
+    return max(group, key=lambda row: (not row["ok"], error_ratio(row["max_scaled"], 1.0)))
 
 
 VALUES: dict[str, Value] = {
@@ -243,10 +243,10 @@ VALUES: dict[str, Value] = {
     "worst three": _worst_three,
     "remarks": lambda results: conclusion(results)[1],
     "what": _what,
-    "every pair": lambda results: _shown(rows(results.pairs)),
-    "pairs that differ": lambda results: _shown(row for row in rows(results.pairs) if not row["ok"]),
-    "residuals": lambda results: _shown(rows(results.judge)),
-    "residuals too large": lambda results: _shown(row for row in rows(results.judge) if not row["ok"]),
+    "every pair": lambda results: _error_rows(rows(results.pairs)),
+    "pairs that differ": lambda results: _error_rows(row for row in rows(results.pairs) if not row["ok"]),
+    "residuals": lambda results: _error_rows(rows(results.judge)),
+    "residuals too large": lambda results: _error_rows(row for row in rows(results.judge) if not row["ok"]),
     "overview": _overview,
     "differ": lambda results: not all(row["ok"] for row in compared_pairs(results)),
     "tables": lambda results: [
@@ -255,7 +255,7 @@ VALUES: dict[str, Value] = {
     "forces": forces,
     "left out": left_out_rows,
     "actuators": lambda results: [row for row in forces(results) if row["what"].startswith("actuator")],
-    "forces by": lambda results: listed(dict.fromkeys(row["engine"] for row in forces(results))),
+    "forces by": lambda results: join_all(dict.fromkeys(row["engine"] for row in forces(results))),
     "parameters": _parameters,
     "estimates": estimates,
     "limit": lambda results: LIMIT,
@@ -263,7 +263,7 @@ VALUES: dict[str, Value] = {
     "engines": lambda results: [*_engines(results)],
     "not unique": lambda results: rows(results.errors[results.errors["ok"].isna()]),
     "notes": lambda results: [f"{name}: {note}" for name, s in results.solutions.items() for note in s.notes],
-    "published": published,
+    "published": published_rows,
     "times": _times,
     "worst pairs": lambda results: _worst(compared_pairs(results), "quantity"),
     "worst residuals": lambda results: _worst(rows(results.judge), "residual"),

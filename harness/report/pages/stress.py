@@ -15,7 +15,7 @@ from screwgauge.report.layout import Report
 from screwgauge.report.record import judged_files, shorten_hashes
 from screwgauge.study.bench.question import DEGRADED, GOOD, OK, REFUSED, SILENT, VERDICTS, Finding
 from screwgauge.study.bench.stress import Stress, StressCase
-from screwgauge.study.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
+from screwgauge.study.formatting import Row, digits_text, group_rows, join_all, number, rows, size, span, words
 
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 COLUMNS = {DEGRADED: "degraded", REFUSED: "refused", SILENT: "silent"}
@@ -40,8 +40,8 @@ def _silent_rows(stress: Stress) -> list[Row]:
 
 def _worst(stress: Stress) -> Iterator[Row]:
     """Count the cases in which each engine keeps its digits, reports that it loses digits, or is silently wrong."""
-    for (engine,), group in grouped(_rows(stress), "who").items():
-        cases = grouped(group, "case").values()
+    for (engine,), group in group_rows(_rows(stress), "who").items():
+        cases = group_rows(group, "case").values()
         worst = [max((row["verdict"] for row in case), key=VERDICTS.index) for case in cases]
         counts = {"kept": worst.count(OK), "silent": worst.count(SILENT)}
         counts["reported"] = len(worst) - sum(counts.values())
@@ -59,12 +59,12 @@ def _banner(stress: Stress) -> Banner:
 def headline(stress: Stress) -> str:
     """Name silently wrong engines with their first severity, state how our own solver does, and count the verdicts."""
     known, parts = {case.name: case for case in stress.cases}, list[str]()
-    by_engine, own = grouped(_rows(stress), "who"), {row.engine.split()[0] for row in stress.rows if row.own}
-    for (engine,), group in grouped(_silent_rows(stress), "who").items():
-        cases = grouped(group, "case")
+    by_engine, own = group_rows(_rows(stress), "who"), {row.engine.split()[0] for row in stress.rows if row.own}
+    for (engine,), group in group_rows(_silent_rows(stress), "who").items():
+        cases = group_rows(group, "case")
         (case,), some = max(cases.items(), key=lambda item: np.nanmax([row["error"] for row in item[1]] + [-1.0]))
         where = f"worst in {case}, starting at {known[case].axis} = {_first(known[case], some)}"
-        parts.append(f"{engine} in {len(cases)} of {len(grouped(by_engine[engine,], 'case'))} cases ({where})")
+        parts.append(f"{engine} in {len(cases)} of {len(group_rows(by_engine[engine,], 'case'))} cases ({where})")
     sentences = (
         [f"In extreme scenes these engines return wrong numbers without a warning: {'; '.join(parts)}."]
         if parts
@@ -73,9 +73,9 @@ def headline(stress: Stress) -> str:
     if not parts:
         sentences = ["In extreme scenes no engine returns a wrong number without a warning."]
     elif stress.ok and own:
-        sentences.append(f"Our own solver ({listed(sorted(own))}) never does: it keeps its digits, warns or refuses.")
+        sentences.append(f"Our own solver ({join_all(sorted(own))}) never does: it keeps its digits, warns or refuses.")
     verdicts = [row.verdict for row in stress.rows]
-    counts = listed(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in verdicts)
+    counts = join_all(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in verdicts)
     return " ".join([*sentences, f"Of {len(stress.rows)} rows {counts}."])
 
 
@@ -87,7 +87,7 @@ def _first(case: StressCase, group: Sequence[Row]) -> str:
 def _engines(stress: Stress) -> Iterator[Row]:
     """Yield digits for each case and engine, and the number of rows and first severity for each verdict but ok."""
     known = {case.name: case for case in stress.cases}
-    for (case, engine), group in grouped(_rows(stress), "case", "engine").items():
+    for (case, engine), group in group_rows(_rows(stress), "case", "engine").items():
         kept = [row["digits"] for row in group if np.isfinite(row["digits"])]
         line = {"case": case, "engine": engine, "digits": span(f"{min(kept):.1f}", f"{max(kept):.1f}") if kept else ""}
         for verdict, name in COLUMNS.items():
@@ -98,7 +98,7 @@ def _engines(stress: Stress) -> Iterator[Row]:
 
 def _silent(stress: Stress) -> Iterator[Row]:
     """Yield one row for each case, engine and cause of silently wrong results."""
-    for group in grouped(_silent_rows(stress), "case", "engine", "reason").values():
+    for group in group_rows(_silent_rows(stress), "case", "engine", "reason").values():
         quantities = ", ".join(dict.fromkeys(words(row["quantity"]) for row in group))
         largest = size(np.max([row["error"] for row in group]))
         yield {**group[0], "quantities": quantities, "range": _range(group), "largest": largest}
@@ -111,17 +111,17 @@ def _range(group: Sequence[Row]) -> str:
 
 def _cases(stress: Stress) -> Iterator[Block]:
     """Yield heading, text, and a table for each quantity, with a line per severity and a column per engine."""
-    by_case = grouped(_rows(stress), "case")
+    by_case = group_rows(_rows(stress), "case")
     for case in stress.cases:
         rows = by_case.get((case.name,), [])
         yield from (Text(f"{case.name}: {case.title}", 2), Text(Marked(case.about)))
-        for (quantity,), some in grouped(rows, "quantity").items():
+        for (quantity,), some in group_rows(rows, "quantity").items():
             ladder = sorted(some, key=lambda row: float(row["severity"]), reverse=case.falling)
             cells = [{**row, "cell": _digits(row)} for row in ladder]
             across = blocks.table(cells, f"{case.axis} = severity || engine = cell")
             short = quantity == case.drawn or len(some) <= blocks.LONG
             yield from (Text(Marked(f"**{quantity}**")), across) if short else (Group("folded", (across,), quantity),)
-        refused = grouped([row for row in rows if row["verdict"] == REFUSED], "engine", "reason")
+        refused = group_rows([row for row in rows if row["verdict"] == REFUSED], "engine", "reason")
         reasons = tuple(f"{engine} at {_range(group)}: {reason}" for (engine, reason), group in refused.items())
         yield from (Text("Refused:"), Items(reasons)) if reasons else ()
 

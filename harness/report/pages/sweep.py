@@ -15,7 +15,7 @@ from screwgauge.report.blocks import Banner, Block, Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.layout import Report
-from screwgauge.study.formatting import Row, listed, number
+from screwgauge.study.formatting import Row, join_all, number
 from screwgauge.study.sweep.plan import Scatter
 from screwgauge.study.sweep.run import Sweep
 
@@ -88,10 +88,10 @@ def _farthest(sweep: Sweep, row: int, column: int) -> str:
     order = sorted(sweep.effects, key=lambda effect: -abs(float(effect.changes[column])))
     values = sweep.numbers.iloc[row]
     some = [effect.name for effect in order if effect.name in values.index] or [*values.index]
-    return listed(f"{name} = {number(float(values[name]), 4)}" for name in some[:NAMED])
+    return join_all(f"{name} = {number(float(values[name]), 4)}" for name in some[:NAMED])
 
 
-def _refused(sweep: Sweep) -> list[Row]:
+def _refusals(sweep: Sweep) -> list[Row]:
     counts = Counter(str(reason) for reason in sweep.why if reason)
     first = {reason: int(np.argmax(sweep.why == reason)) + 1 for reason in counts}
     return [{"why": reason, "count": str(n), "first": str(first[reason])} for reason, n in counts.most_common()]
@@ -154,7 +154,7 @@ PAGE = Report(
         "ranked": lambda sweep: _effects(sweep)[:FIRST],
         "effects": _effects,
         "columns": _columns,
-        "refused": _refused,
+        "refused": _refusals,
         "checks": _checks,
         "indices": _indices,
     },

@@ -94,7 +94,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
         DrawnMachine(_title("B", diagnosis.b), two, placement, theirs),
     )
     points = [np.array([*side.joints().values(), *_further_points(side)]) for side in sides]
-    view = view_axes(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]
+    view = view_axes(_view_direction(np.concatenate(points), sides)) * [[1.0], [-1.0]]
     cloud = np.concatenate(points) @ view.T
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((SIDE - 2 * EDGE) / size[0], (SIDE - 2 * EDGE) / size[1])
@@ -148,7 +148,7 @@ def _legend(x: float, y: float) -> str:
     return f'<g class="legend">{"".join(drawn)}</g>'
 
 
-def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
+def _view_direction(points: Array, sides: Sequence[DrawnMachine]) -> Array:
     """Return the direction to the viewer, which is normal to the plane if both machines are planar."""
     axes = np.array([side.placement[:3, :3] @ one.screw[:3] for side in sides for one in side.reading.joints.values()])
     planar = face_on_view(points / float(np.ptp(points, axis=0).max() or 1.0), axes.reshape(-1, 3))

@@ -37,7 +37,7 @@ from screwgauge.report.stage.drawing import WORLD, drawing
 from screwgauge.report.stage.motion import Arrow, DrawnMotion, arrows, drawn_motion, home_pose
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.formatting import listed
+from screwgauge.study.formatting import join_all
 
 SPRINGS = 8  # number of springs named in a sentence
 HELD = 30  # largest number of samples at which the constraints of a platform are computed
@@ -115,9 +115,9 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
         "title": mechanism.title or mechanism.name,
         "said": motion.source,
         "unit": unit,
-        "view": _rounded(viewed_from(mechanism)),
+        "view": _round(viewed_from(mechanism)),
         "t": [float(f"{t:.6g}") for t in motion.t],
-        "y": {name: _rounded(motion.q[:, i]) for name, i in zip(mechanism.independent, columns, strict=True)},
+        "y": {name: _round(motion.q[:, i]) for name, i in zip(mechanism.independent, columns, strict=True)},
         "units": [mechanism.units[i] for i in columns],
         "bodies": list(mechanism.body_index),
         "poses": _poses(at.R, (at.p - middle) / unit),
@@ -170,23 +170,23 @@ def _range(one: Arrow) -> str:
     return f"{high} {unit} throughout" if low == high else f"{low} to {high} {unit}"
 
 
-def _rounded(array: Array, digits: int = 4) -> list[Any]:
+def _round(array: Array, digits: int = 4) -> list[Any]:
     return list((np.round(array, digits) + 0.0).tolist())
 
 
 def _poses(R: Array, p: Array) -> list[list[float]]:
     """Return positions and quaternions (w, x, y, z) of each body, concatenated, at each sample."""
-    return _rounded(np.concatenate([p, quaternion(R)], axis=2).reshape(len(R), -1))
+    return _round(np.concatenate([p, quaternion(R)], axis=2).reshape(len(R), -1))
 
 
 def _shape(one: Shape) -> dict[str, Any]:
-    a, b = _rounded(one.a), _rounded(one.b.T.ravel())
+    a, b = _round(one.a), _round(one.b.T.ravel())
     values = (one.group, one.kind, one.body, one.other, a, b, round(one.size, 4), one.colour, one.name)
     return dict(zip("gkijabrcn", values, strict=True))
 
 
 def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
-    point, vectors = _rounded(one.point / unit), _rounded((one.vectors * LONGEST / longest).ravel(), 3)
+    point, vectors = _round(one.point / unit), _round((one.vectors * LONGEST / longest).ravel(), 3)
     values = (one.group, one.name, TONES[one.group], int(one.turns), one.body, point, vectors)
     return dict(zip("gncmipv", values, strict=True))
 
@@ -197,7 +197,7 @@ def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str
     def row(system: Sequence[ScrewElement], k: int) -> list[float]:
         if k >= len(system):
             return [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1]
-        return [*_rounded((system[k].point - middle) / unit, 3), *_rounded(system[k].direction, 3), _kind(system[k])]
+        return [*_round((system[k].point - middle) / unit, 3), *_round(system[k].direction, 3), _kind(system[k])]
 
     first, out = holding[0], list[dict[str, Any]]()
     parts = [("wrenches", leg.name, COLOURS[i % len(COLOURS)]) for i, leg in enumerate(first.legs)]
@@ -268,7 +268,7 @@ def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None)
         alike.setdefault(_screws(acting, WRENCHES, places), []).append(leg.name + f" ({leg.kinds})" * bool(leg.kinds))
     if [*alike] == ["none"] and len(first.legs) == 1:  # e.g. the hand of an arm with six joints or more
         return ""
-    clauses = [f"{listed(names)}: {what}" for what, names in alike.items()]
+    clauses = [f"{join_all(names)}: {what}" for what, names in alike.items()]
     plane = "" if normal is None else f" in the plane normal to {_way(normal)}"
     lead = f"Constraint forces on {first.body} from each leg{plane}"
     if not _has_legs(first):
@@ -294,18 +294,18 @@ def _screws(system: Sequence[ScrewElement], nouns: tuple[str, ...], places: Mapp
     lines, ways, screws = ([one for one in system if _kind(one) == k] for k in range(3))
     parts, many = [], _many(len(lines), force)
     if len(lines) > 1 and all(np.allclose(one.point, lines[0].point, rtol=0.0, atol=1e-9) for one in lines):
-        directions = f", {along} {listed([_way(one.direction) for one in lines])}" if len(lines) == 2 else ""
+        directions = f", {along} {join_all([_way(one.direction) for one in lines])}" if len(lines) == 2 else ""
         parts.append(f"{many} through {_place(lines[0], places)}{directions}")
     elif lines:
         each = [f"{_way(one.direction)} through {_place(one, places)}" for one in lines]
-        parts.append(f"{many} {along} {listed(each)}")
+        parts.append(f"{many} {along} {join_all(each)}")
     for one in screws:
         pitch = f"{1e3 * one.pitch:.3g} mm/rad"
         parts.append(f"a {wrench} about {_way(one.direction)} through {_place(one, places)} of {pitch}")
     if ways:
-        directions = "every axis" if len(ways) == 3 else listed([_way(one.direction) for one in ways])
+        directions = "every axis" if len(ways) == 3 else join_all([_way(one.direction) for one in ways])
         parts.append(f"{_many(len(ways), couple)} {about} {directions}")
-    return all_six if len(system) == 6 else listed(parts) if parts else "none"
+    return all_six if len(system) == 6 else join_all(parts) if parts else "none"
 
 
 def _many(n: int, what: str, plural: str = "s", *, whole: bool = False) -> str:

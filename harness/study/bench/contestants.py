@@ -148,22 +148,22 @@ def _expand(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:
 
 
 def _contestant(values: Mapping[str, Any]) -> Contestant:
-    def filled(value: Any) -> Any:
+    def fill(value: Any) -> Any:
         if isinstance(value, dict):
-            return {name: filled(inner) for name, inner in value.items()}
+            return {name: fill(inner) for name, inner in value.items()}
         if isinstance(value, str):
             return values.get(value[1:]) if value.startswith("$") else value.format(**values)
         return value
 
-    fields = {name: filled(values[name]) for name in _AS_IT_IS if name in values}
-    arguments = filled(values["question"])
+    fields = {name: fill(values[name]) for name in _AS_IT_IS if name in values}
+    arguments = fill(values["question"])
     question = getattr(given, arguments.pop("ask"))
     parameter = None
     if varied := values.get("parameter"):
-        parameter = varied[0], number(filled(varied[1]), "cases.toml")
+        parameter = varied[0], number(fill(varied[1]), "cases.toml")
     if "named" in values and (parameter is None or parameter[1] not in values["named"]):
         fields["label"] = ""
-    settings = filled(values.get("settings", {}))
+    settings = fill(values.get("settings", {}))
     method = Method(values["engine"], settings)
     if "variant" in values:
         method = variant(values["engine"], VARIANTS[values["variant"]], **settings)

@@ -83,7 +83,7 @@ def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
     coordinates = tuple(name for name in mechanism.coordinates if name in tree)
     if pushed:
         return posed.acceleration_problem(coordinates)
-    return posed.problem("tree_force" if bare else "actuator_force", task=posed.moving(coordinates))
+    return posed.problem("tree_force" if bare else "actuator_force", task=posed.states(coordinates))
 
 
 def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
@@ -193,12 +193,12 @@ def omit(
         folder = folder / f"with-{part}"
         include = frozenset(PARTS) if part == ALL_PARTS else frozenset({part})
         write_models(scene.mechanism, folder, gravity=scene.applied.g, include=include)
-    whole = _everything(posed, engine.removesuffix("-full"))
+    whole = _all_values(posed, engine.removesuffix("-full"))
     return Trial(model_files(scene, engine, folder), (problem,), len(posed.t), whole)
 
 
 @lru_cache(maxsize=3)
-def _everything(posed: PreparedScene, engine: str) -> Reference:
+def _all_values(posed: PreparedScene, engine: str) -> Reference:
     """Return an engine's values of all quantities of a scene, scaled by the largest magnitude of each unit."""
     values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
     scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}

@@ -39,8 +39,8 @@ from screwgauge.study.bench.question import (
     files_of,
     loaded_scene,
     loop_condition,
+    pose_question,
     push,
-    put,
     tree_coordinates,
     true_velocities,
     with_integration,
@@ -95,7 +95,7 @@ def _forces(posed: PreparedScene) -> Question:
     quantities = "generalized_force", "reaction"
     right = reference_values(posed.scene, posed.t, quantities)
     values = {**right.values, "reaction": right.values["reaction"].pick(unique)}
-    question = put(
+    question = pose_question(
         posed.scene,
         posed.folder,
         posed.problem(*quantities),
@@ -146,7 +146,7 @@ def constant_force_motion(duration: float, samples: int, tolerance: float = TIGH
     integration, t = Integration(rtol=tolerance, atol=tolerance), np.linspace(0.0, duration, samples)
     task = InitialValue(motion.y[0].copy(), motion.yd[0].copy(), 0.0, t, integration)
     problem = Problem(applied, task, frozenset(("joint_position", "joint_velocity", "reaction")))
-    question = replace(put(scene, Path(), problem, (SCREW,), QUANTITIES, UNKNOWN), read=read)
+    question = replace(pose_question(scene, Path(), problem, (SCREW,), QUANTITIES, UNKNOWN), read=read)
     solution = SCREW.load(question.files["screw"]).solve(question.problem)
     if solution.stopped:
         raise ScrewgaugeError(solution.stopped, f"{scene.name} held at {INSTANT:g} s", "choose a shorter time")

@@ -141,7 +141,7 @@ class Question:
         return bool(self.right.values)
 
 
-def put(
+def pose_question(
     scene: Scene, folder: Path, problem: Problem, methods: tuple[Method, ...], names: tuple[str, ...], right: Reference
 ) -> Question:
     """Pose a question about quantities of a scene whose model files are in a folder."""
@@ -327,7 +327,7 @@ def compare(
     truth = solve(scene, (TRUTH,), quantities)[0].get(TRUTH)
     known = truth is not None and truth.rows is None
     right = Reference.by_size(TRUTH, scene.mechanism, truth.values) if truth is not None and known else UNKNOWN
-    question = put(scene, folder, scene.problem(quantities if known else JUDGED), methods, quantities, right)
+    question = pose_question(scene, folder, scene.problem(quantities if known else JUDGED), methods, quantities, right)
     return replace(question, cause=cause)
 
 
@@ -342,7 +342,7 @@ def push(posed: PreparedScene, *methods: Method) -> Question:
     names = mechanism.coordinates if methods[:1] == (SCREW,) else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
     right = replace(posed.reference, values=values)  # the scales remain those of all joints
-    return put(posed.scene, posed.folder, posed.acceleration_problem(names), methods, (ACCELERATION,), right)
+    return pose_question(posed.scene, posed.folder, posed.acceleration_problem(names), methods, (ACCELERATION,), right)
 
 
 def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:

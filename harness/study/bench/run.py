@@ -227,9 +227,9 @@ def _measure_as_tasks(
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
     known = dict(kept.results), {key: [*times] for key, times in kept.times.items()}
     works = {name: partial(_measure_group, posed, plan, group, known, end) for name, group in groups.items()}
-    tasks = [Task(name, work, files=posed.written()) for name, work in works.items()]
+    tasks = [Task(name, work, files=posed.list_files()) for name, work in works.items()]
 
-    def lost(name: str, reason: str) -> Measurements:
+    def fail(name: str, reason: str) -> Measurements:
         return {one.key: {"status": FAILED, "reason": reason} for one in groups[name]}, {}
 
     def keep(name: str, measured: Measurements) -> None:
@@ -239,7 +239,7 @@ def _measure_as_tasks(
             for seconds in times[len(kept.times.get(key, [])) :]:
                 kept.time(key, seconds)
 
-    run(tasks, lost=lost, keep=keep)
+    run(tasks, lost=fail, keep=keep)
 
 
 def _measure_group(

@@ -35,7 +35,7 @@ from screwgauge.study.bench.question import (
     UNKNOWN,
     Question,
     compare,
-    put,
+    pose_question,
     scene_at,
 )
 from screwgauge.study.bench.variants import given_motion, variant
@@ -102,7 +102,7 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
         values = {quantity: Values(mechanism.coordinates, mechanism.units, q).pick(_ANGLES)}
         right = Reference.by_size("closed form", mechanism, values)
         methods = tuple(Method(name, label=f"{name} {step:g} rad") for name in ENGINES)
-        yield put(scene, folder, scene.problem((quantity,)), methods, (quantity,), right)
+        yield pose_question(scene, folder, scene.problem((quantity,)), methods, (quantity,), right)
 
 
 def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Solution:
@@ -308,5 +308,5 @@ def change_points(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
             yield replace(compare(scene, place, quantities=MOVED), cause=f"{one.name}: {one.why}")
             continue
         write_models(scene.mechanism, place, gravity=scene.applied.g)
-        question = put(scene, place, scene.problem(MOVED), tuple(map(Method, ENGINES)), MOVED, UNKNOWN)
+        question = pose_question(scene, place, scene.problem(MOVED), tuple(map(Method, ENGINES)), MOVED, UNKNOWN)
         yield replace(question, unanswerable=f"{one.name}: {one.why}")

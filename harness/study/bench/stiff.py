@@ -34,8 +34,8 @@ from screwgauge.study.bench.question import (
     Question,
     loaded_scene,
     loop_condition,
+    pose_question,
     push,
-    put,
     true_velocities,
     with_integration,
 )
@@ -120,7 +120,7 @@ def _with_springs(
 def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at: ClosedMotion) -> float:
     """Return the scaled error in accelerations that rounding of the springs' lengths and velocities may cause."""
     lay = layout(posed.scene.mechanism)
-    states, spring = posed.moving(tuple(spring.coordinate for spring in springs)), springs[0]
+    states, spring = posed.states(tuple(spring.coordinate for spring in springs)), springs[0]
     largest = spring.stiffness * np.abs(states.q) + spring.damping * np.abs(states.v)
     force = SAFETY * linear.EPS * float(largest.max())
     columns = lay.mechanism.columns(states.coordinates)
@@ -162,7 +162,7 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
     }
     task, wanted = InitialValue(start, rest, 0.0, grid[looked_at]), frozenset(("joint_position", "joint_velocity"))
     right = Reference("collocation", values, "", scales)
-    question = put(scene, folder, Problem(applied, task, wanted), _RADAU, QUANTITIES, right)
+    question = pose_question(scene, folder, Problem(applied, task, wanted), _RADAU, QUANTITIES, right)
     condition = float(np.linalg.cond(at.system.A[..., : at.loops.moving]).max())
     return replace(question, methods=(), read=read, condition=condition), fastest
 

@@ -24,7 +24,7 @@ from screwgauge.study.address import address
 from screwgauge.study.bench import TABLE
 from screwgauge.study.bench.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
-from screwgauge.study.methods import Method, missing
+from screwgauge.study.methods import Method, describe_import_error
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
 from screwgauge.study.store import Journal, from_record, is_record
 
@@ -231,4 +231,4 @@ def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Fin
             return [finding for question in questions for finding in findings(question)]
     except Exception as error:  # the other severities continue
         what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return [Finding("", a=ALL, reason=missing(error) if isinstance(error, ImportError) else what)]
+        return [Finding("", a=ALL, reason=describe_import_error(error) if isinstance(error, ImportError) else what)]

@@ -96,14 +96,14 @@ class _Found:
         parts += [(f"{joint.parent}.", f"{joint.child}.", f"{joint.name}.") for joint in mechanism.joints]
         for some in parts:
             self._list(self._null_directions(np.array([name.startswith(some) for name in self.names])))
-        self._list(self._rest())
+        self._list(self._remaining_directions())
 
     def _null_directions(self, inside: NDArray[np.bool_]) -> Array:
         """Return null directions that change only the selected numbers. Shape (m, count)."""
         values, back = np.linalg.svd(self.null[:, ~inside].T)[1:]
         return np.asarray(back[int((values > INSIDE).sum()) :] @ self.null)
 
-    def _rest(self) -> Array:
+    def _remaining_directions(self) -> Array:
         """Return orthonormal null directions that are orthogonal to the known directions. Shape (m, count)."""
         values, back = np.linalg.svd(self.null - self.null @ self.known.T @ self.known, full_matrices=False)[1:]
         return np.asarray(back[values > NEW])

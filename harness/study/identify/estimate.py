@@ -141,14 +141,14 @@ def fit_samples(unknowns: Unknowns, measured: Array, matrix: Array, independent:
 def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array) -> tuple[Array, Array]:
     """Return the coordinates that fit the rows best, starting from an initial guess, and their covariance."""
 
-    def left(x: Array) -> Array:
+    def residuals(x: Array) -> Array:
         return np.concatenate([(R @ unknowns.features(x[:, None])[0] - t) / noise, x])
 
     def slopes(x: Array) -> Array:
         return np.concatenate([R @ unknowns.slopes(x)[1] / noise, np.eye(len(x))])
 
     some = {"xtol": ENOUGH, "ftol": ENOUGH, "gtol": None, "max_nfev": STEPS}
-    found = least_squares(left, x, slopes, bounds=(unknowns.least - TINY, np.inf), **some)
+    found = least_squares(residuals, x, slopes, bounds=(unknowns.least - TINY, np.inf), **some)
     if found.status <= 0:
         raise ScrewgaugeError("the estimate does not converge", "identify", "use a smaller prior or other data")
     return found.x, _covariance(found.jac)

@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.engines.screw.matter import ENTRIES, Matter
 from screwgauge.engines.screw.nominal import NominalMachine
-from screwgauge.quantities import described
+from screwgauge.quantities import description_names
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations.forward import preload_space
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
@@ -55,7 +55,7 @@ class Regressor:
         motion = scene.motion
         self.poses = self.machine.at(motion.y, motion.yd, motion.ydd, motion.t)
         self.values, self.matrix = self.forces(self.poses)
-        units = described(scene.mechanism)[FORCE][1]
+        units = description_names(scene.mechanism)[FORCE][1]
         peaks = np.abs(self.values).max(axis=0)
         largest = {unit: max(x for x, u in zip(peaks, units, strict=True) if u == unit) for unit in units}
         self.sizes = np.array([largest[unit] or 1.0 for unit in units])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from screwgauge.environment import environment
 from screwgauge.problem import Report, silent
-from screwgauge.quantities import described
+from screwgauge.quantities import description_names
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.parameters import mechanism_with
@@ -175,7 +175,7 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
     Returns:
         Shapes (n, c), (n, c, n_feature), and the number of independent forces among the c forces of a sample.
     """
-    scene, units = regressor.scene, described(regressor.scene.mechanism)[FORCE]
+    scene, units = regressor.scene, description_names(regressor.scene.mechanism)[FORCE]
     values, where = answer_of_table(scene, DATA, {FORCE: units}, [FORCE]).values[FORCE], scene.tables[DATA].where
     columns = [units[0].index(name) for name in values.components]
     surplus, measured = max(len(units[0]) - len(scene.mechanism.independent), 0), values.array

@@ -37,9 +37,7 @@ class Draw:
         sizes = [len(values) for values in self.plan.grid.values()]
         at = np.unravel_index(place // self.plan.count, sizes) if sizes else ()
         grid = [values[i] for values, i in zip(self.plan.grid.values(), at, strict=True)]
-        return np.concatenate(
-            [np.reshape(grid, (-1, len(rows))), self.scattered(self._uniform(place % self.plan.count))]
-        )
+        return np.concatenate([np.reshape(grid, (-1, len(rows))), self.scatter(self._uniform(place % self.plan.count))])
 
     def _uniform(self, draws: Rows) -> Array:
         """Return uniform numbers in (0, 1) for given draws, the same at every grid point. Shape (dimensions, n)."""
@@ -60,7 +58,7 @@ class Draw:
             out[:, first:end] = part.T
         return np.clip(out, 1e-16, 1.0 - 1e-16)
 
-    def scattered(self, uniform: Array) -> Array:
+    def scatter(self, uniform: Array) -> Array:
         """Map uniform draws in (0, 1) to scattered numbers. Shape (dimensions, n) -> (P - number of grid axes, n)."""
         found, row = list[Array](), 0
         for one in self.plan.scatter:

@@ -14,7 +14,7 @@ import pandas as pd
 
 from screwgauge.environment import environment
 from screwgauge.problem import Progress, Report, Rows, silent, spread
-from screwgauge.quantities import described, digits
+from screwgauge.quantities import description_names, digits
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, first_few
 from screwgauge.reference.rotations import Array
 from screwgauge.study.address import address
@@ -48,7 +48,7 @@ class Column:
 
 def columns(plan: Plan) -> list[Column]:
     """Return the columns of the table, grouped by statistic."""
-    known = described(plan.scene.mechanism)
+    known = description_names(plan.scene.mechanism)
     each = [(quantity, *pair) for quantity in plan.quantities for pair in zip(*known[quantity], strict=True)]
     return [Column(statistic, *one) for statistic in plan.statistics for one in each]
 
@@ -286,12 +286,12 @@ def _indices(found: Sweep, draw: Draw, variants: Variants) -> dict[str, tuple[fl
     one = found.columns[column]
     place = [c.component for c in found.columns if (c.statistic, c.quantity) == (one.statistic, one.quantity)]
 
-    def measured(u: Array) -> Array:
-        given = dict(zip(draw.names, draw.scattered(u), strict=True))
+    def measure(u: Array) -> Array:
+        given = dict(zip(draw.names, draw.scatter(u), strict=True))
         got = variants.statistics(motion.y, motion.yd, motion.ydd, [one.statistic], parameters=given, t=motion.t)
         return got[one.statistic][one.quantity][:, place.index(one.component)]
 
     rng = np.random.default_rng(plan.seed)
-    result = sobol_indices(func=measured, n=plan.indices, dists=[uniform()] * draw.dimensions, rng=rng)
+    result = sobol_indices(func=measure, n=plan.indices, dists=[uniform()] * draw.dimensions, rng=rng)
     pairs = zip(plan.scatter, result.first_order, result.total_order, strict=True)
     return {number.name: (float(first), float(total)) for number, first, total in pairs}
