@@ -123,7 +123,7 @@ def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
     scene = sprung(damping=1e4, duration=1)
     (warning,) = check_start(scene)[1]
     assert "fastest eigenvalue at the start, -1e+04 1/s" in warning
-    assert "0.0006 s, 1.7e+03 steps" in warning
+    assert "0.0006 s, i.e. 1.7e+03 steps" in warning
     assert check_start(scene.at([0.0, 0.006]))[1] == ()
     implicit = sprung(damping=1e4, duration=1, forward='method = "BDF"')
     assert check_start(implicit)[1] == ()
