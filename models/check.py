@@ -70,7 +70,7 @@ def _numbers(
     """Compare numbers relative to a scale."""
     # the condition treats NaN as a difference
     difference = float(np.abs(expected - actual).max()) / scale
-    return CheckRow(item, what, _short(expected), _short(actual), difference, tolerance, difference <= tolerance)
+    return CheckRow(item, what, _format(expected), _format(actual), difference, tolerance, difference <= tolerance)
 
 
 def _keys(what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> CheckRow:
@@ -83,7 +83,7 @@ def _common(expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[st
     return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 
 
-def _short(values: Array) -> str:
+def _format(values: Array) -> str:
     return " ".join(f"{value:.9g}" for value in np.ravel(values))
 
 

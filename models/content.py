@@ -122,10 +122,10 @@ def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
     owners: dict[str, list[str]] = {}
     for each in contents:
         owners.setdefault(each.what, []).append(each.whose)
-    return tuple(f"{what}{_whose(names)}" for what, names in owners.items())
+    return tuple(f"{what}{_owner_phrase(names)}" for what, names in owners.items())
 
 
-def _whose(owners: list[str]) -> str:
+def _owner_phrase(owners: list[str]) -> str:
     """Merge owners such as `` of joint a``, `` of joint b`` into one phrase: `` of joint a, b, c and 9 more``."""
     owners = list(dict.fromkeys(owners))
     kind = " ".join(owners[0].split(" ")[:3]) if owners[0].startswith(" of ") else ""  # names may have spaces

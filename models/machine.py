@@ -120,7 +120,7 @@ class Link:
         centre = None if self.centre is None else T[:3, :3] @ self.centre + T[:3, 3]
         return replace(self, elements=tuple(each.displace(T) for each in self.elements), centre=centre)
 
-    def on(self, other: Link) -> Link:
+    def concatenate(self, other: Link) -> Link:
         """Concatenate this link and a link that continues from its far body."""
         steps = [each for each in (other.step, self.step) if each is not None]
         behind = other if self.step is None else other.displace(np.asarray(np.linalg.inv(self.step)))
@@ -381,7 +381,7 @@ def contract(machine: Machine, carriers: Iterable[str]) -> Machine:
         one, two = held[0].of(name).reverse(), held[1].of(name)
         if one.near == two.far or len(one.elements) + len(two.elements) > max(FREEDOMS.values()):
             continue
-        links[links.index(held[0])] = one.on(two)
+        links[links.index(held[0])] = one.concatenate(two)
         links.remove(held[1])
         del bodies[name]
     return replace(machine, bodies=bodies, links=tuple(_classify(link, machine.length) for link in links))

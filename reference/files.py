@@ -131,7 +131,7 @@ def read_bytes(path: Path, most: str = "MB") -> bytes:
     with _open(path, most) as file:
         data = file.read(LIMITS[most] * 10**6 + 1)
     if len(data) > LIMITS[most] * 10**6:  # the file has grown or does not report its size
-        raise _unread(path, _too_large(most))
+        raise _refusal(path, _too_large(most))
     return data
 
 
@@ -170,16 +170,16 @@ def _open(path: Path, most: str) -> Iterator[BufferedReader]:
                 read.append(path)
             yield file
     except FileNotFoundError:
-        raise _unread(path, "it does not exist") from None
+        raise _refusal(path, "it does not exist") from None
     except (OSError, ValueError) as error:  # the path contains a null byte
-        raise _unread(path, str(error) if type(error) is ValueError else why(error)) from None
+        raise _refusal(path, str(error) if type(error) is ValueError else why(error)) from None
 
 
 def _too_large(most: str) -> str:
     return f"it has more than {LIMITS[most]} {most}"
 
 
-def _unread(path: Path, reason: str) -> DescriptionError:
+def _refusal(path: Path, reason: str) -> DescriptionError:
     return DescriptionError(f"cannot be read ({reason})", str(path), "check the path")
 
 

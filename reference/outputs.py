@@ -123,7 +123,7 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
     check_place(path)
     if force or not os.path.lexists(path):
         return
-    if any(_same(path, Path(name)) for name in inputs):
+    if any(_is_same_file(path, Path(name)) for name in inputs):
         raise OutputError("is an input of the command", str(path), _other_file())
     if not is_as_written(path):
         what = "already exists and nothing in it proves that it is an unmodified output of screwgauge"
@@ -185,7 +185,7 @@ def _node(path: Path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def _same(path: Path, other: Path) -> bool:
+def _is_same_file(path: Path, other: Path) -> bool:
     try:
         return path.samefile(other)
     except (OSError, ValueError):  # the name of a built-in is not a file

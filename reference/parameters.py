@@ -135,17 +135,17 @@ def resolve(known: Mapping[str, float], patterns: Sequence[str], where: str) -> 
 
 def _match(known: Mapping[str, float], pattern: str, where: str) -> list[str]:
     wanted = _as_written(pattern)
-    names = [name for name in known if wanted in (name, _short(name))]
+    names = [name for name in known if wanted in (name, _short_name(name))]
     if len(names) > 1:
         what = f"'{pattern}' is ambiguous: {first_few(names, NAMED)}"
         raise DescriptionError(what, where, "write the full name")
-    names = names or [name for name in known if any(fnmatchcase(one, wanted) for one in (name, _short(name)))]
+    names = names or [name for name in known if any(fnmatchcase(one, wanted) for one in (name, _short_name(name)))]
     if not names:
-        raise UnknownNameError("number", pattern, [*known, *map(_short, known)], where)
+        raise UnknownNameError("number", pattern, [*known, *map(_short_name, known)], where)
     return names
 
 
-def _short(name: str) -> str:
+def _short_name(name: str) -> str:
     first, _, rest = name.partition(".")
     return rest if first in ("bodies", "joints") else name
 
@@ -234,7 +234,7 @@ def _body(body: Body, get: Get, make: Callable[..., Body]) -> Body:
         for key, (i, k) in TENSOR.items():
             tensor[i, k] = tensor[k, i] = entries[key]
         changes["inertia"] = tensor
-    made: Body = _with(body, changes, make)
+    made: Body = _update(body, changes, make)
     return made
 
 
@@ -248,7 +248,7 @@ def _joint(joint: Joint, get: Get, make: Callable[..., Joint]) -> Joint:
         entries = [get(key, x) for key, x in zip(keys, present.tolist(), strict=True)]
         if entries != present.tolist():
             changes[what] = np.array(entries)
-    made: Joint = _with(joint, changes, make)
+    made: Joint = _update(joint, changes, make)
     return made
 
 
@@ -276,11 +276,11 @@ def applied_with(applied: Applied, values: Numbers, *, symbolic: bool = False) -
     """
     make, get = replace_unchecked if symbolic else replace, partial(_value, values, symbolic)
     loads = tuple(
-        _with(load, {what: get(f"loads.{i}.{what}", getattr(load, what)) for what in ("force", "torque")}, make)
+        _update(load, {what: get(f"loads.{i}.{what}", getattr(load, what)) for what in ("force", "torque")}, make)
         for i, load in enumerate(applied.loads, 1)
     )
     springs = tuple(
-        _with(
+        _update(
             one,
             {what: get(f"springs.{i}.{what}", getattr(one, what)) for what in ("stiffness", "rest", "damping")},
             make,
@@ -294,7 +294,7 @@ def applied_with(applied: Applied, values: Numbers, *, symbolic: bool = False) -
     return replace(applied, **changes)
 
 
-def _with(item: Any, changes: Mapping[str, Any], make: Callable[..., Any]) -> Any:
+def _update(item: Any, changes: Mapping[str, Any], make: Callable[..., Any]) -> Any:
     """Replace the changed fields of an item; return the item itself if no field differs."""
     new = {name: value for name, value in changes.items() if value is not getattr(item, name)}
     return make(item, **new) if new else item

@@ -38,7 +38,7 @@ def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
     return replace(
         mechanism,
         bodies=tuple(_join(name, some) for name, some in parts.items()),
-        joints=tuple(_hung(joint, places) for joint in mechanism.joints if not joint.fixed),
+        joints=tuple(_reattach(joint, places) for joint in mechanism.joints if not joint.fixed),
         couplings=couplings,
         axial=axial,
         left_out=(),
@@ -55,7 +55,7 @@ def inverse(frame: Frame) -> Frame:
     return Frame(-frame.R.T @ frame.p, frame.R.T)
 
 
-def _hung(joint: Joint, places: Places) -> Joint:
+def _reattach(joint: Joint, places: Places) -> Joint:
     (parent, near), (child, far) = places[joint.parent], places[joint.child]
     near, far = compose(near, joint.parent_frame), compose(far, joint.child_frame)
     return replace(joint, parent=parent, child=child, parent_frame=near, child_frame=far)

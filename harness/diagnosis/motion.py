@@ -66,7 +66,7 @@ def follow(
     for _ in range(STEPS):
         motion = move(tree, there)
         here = motion.links.frames(own)
-        off, (Q, R) = _off(here, wanted), np.linalg.qr(_rows(motion.jacobian(own, here.p)))
+        off, (Q, R) = _pose_errors(here, wanted), np.linalg.qr(_rows(motion.jacobian(own, here.p)))
         step = newton_step(R, (np.swapaxes(Q, 1, 2) @ off[..., None])[..., 0])
         there = replace(there, q=move_joints(tree, there.q, step))
         if np.abs(off).max(initial=0.0) <= NEAR * tree.length:  # quadratic convergence: this step reaches rounding
@@ -78,7 +78,7 @@ def follow(
     motion = move(tree, there)
     here = motion.links.frames(own)
     missing = (wanted.acceleration - here.acceleration).reshape(len(C), -1, 1)
-    gaps = [_off(here, wanted), (here.velocity - wanted.velocity).reshape(len(C), -1), residual(motion)]
+    gaps = [_pose_errors(here, wanted), (here.velocity - wanted.velocity).reshape(len(C), -1), residual(motion)]
     fits = np.abs(np.hstack(gaps)).max(axis=1, initial=0.0) <= FITS * max(tree.length, 1.0)
     return replace(there, qdd=(back @ missing)[..., 0]), C, fits
 
@@ -104,7 +104,7 @@ def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, joints: M
     return TreeStates(q, rest, rest)
 
 
-def _off(here: Moving, wanted: Moving) -> Array:
+def _pose_errors(here: Moving, wanted: Moving) -> Array:
     """Compute rotation vectors [rad] and translations [m] from the target poses to the current ones. Shape (n, 6 m)."""
     off = np.concatenate([rotation_vector(here.R @ wanted.R.swapaxes(2, 3)), here.p - wanted.p], axis=2)
     return off.reshape(len(off), -1)

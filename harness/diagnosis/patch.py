@@ -117,11 +117,11 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
                 new = new @ _turn_to_zero(file, target, link, F)
             if rehung is not link:
                 file.writer.hang(file.xml, rehung, file.links[rehung.near])
-            if rehung is not link or not _same(old, new):
+            if rehung is not link or not _is_equal(old, new):
                 file.writer.place(file.xml, rehung, new)
         for name, element in link.joints.items():
-            before, after = _local(link.frame, file.reading.joints[name]), _local(F, target.joints[name])
-            if not _same(before[0], after[0]) or (not file.urdf and not _same(before[1], after[1])):
+            before, after = _express(link.frame, file.reading.joints[name]), _express(F, target.joints[name])
+            if not _is_equal(before[0], after[0]) or (not file.urdf and not _is_equal(before[1], after[1])):
                 file.writer.direct(file.xml, element, *after)
     return frames
 
@@ -134,7 +134,7 @@ def _rehang(file: Opened, link: TextLink, gone: Collection[int]) -> TextLink:
     return link
 
 
-def _same(old: Array, new: Array) -> bool:
+def _is_equal(old: Array, new: Array) -> bool:
     return float(np.abs(new - old).max()) <= SAME * max(1.0, float(np.abs(old).max()))
 
 
@@ -163,12 +163,12 @@ def _turn_to_zero(file: Opened, target: Reading, link: TextLink, F: Array) -> Ar
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
         if angle != 0.0:
-            along, turns = _local(F, joint)[0], joint.kind == "hinge"
+            along, turns = _express(F, joint)[0], joint.kind == "hinge"
             return matrix(np.zeros(3), rotation(along, np.array(angle))) if turns else matrix(angle * along, np.eye(3))
     return np.eye(4)
 
 
-def _local(F: Array, joint: JointReading) -> tuple[Array, Array]:
+def _express(F: Array, joint: JointReading) -> tuple[Array, Array]:
     """Express the axis of a joint and a point on it in a frame. Shape (3,) each."""
     return F[:3, :3].T @ joint.direction, F[:3, :3].T @ (joint.centre - F[:3, 3])
 

@@ -66,7 +66,7 @@ class Speaker:
         if cause.kind == "digits":
             return self._digits(cause.facts)
         if cause.kind == "small":
-            return self._small(cause)
+            return self._remainder(cause)
         if not rest:
             return self.group(first)
         if self.brief:
@@ -158,7 +158,7 @@ class Speaker:
         most = "" if self.brief else f", by at most {facts[0].size:.1g} ({self.name(facts[:1])})"
         return f"{values} only in the rounding of printed digits{most}"
 
-    def _small(self, cause: Cause) -> str:
+    def _remainder(self, cause: Cause) -> str:
         names = "" if self.brief else f": {first_few(map(self.name, cause.groups), _NAMED)}"
         share = f"{100.0 * abs(cause.share):.1g} % of the difference"
         return f"{len(cause.groups)} small differences contribute {share}{names}"
@@ -304,7 +304,7 @@ def _is_unit(factor: float, unit: str) -> bool:
     )
 
 
-def _whole(speaker: Speaker, fact: Fact) -> str:
+def _transformation(speaker: Speaker, fact: Fact) -> str:
     """Describe the transformation of the whole machine from A to B."""
     whole = fact.b
     assert isinstance(whole, Whole)
@@ -344,7 +344,7 @@ _SAME = {
     "limits": "; the numbers are the same, but measured from a different zero",
 }
 _TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {
-    "whole": _whole,
+    "whole": _transformation,
     "zero": _zero,
     "end": _end,
     "kind": _kind,

@@ -70,7 +70,7 @@ class DrakeTree(kit.OpenTree):
         self.g = np.array(kit.GRAVITY if gravity is None else gravity)
         self.plant.mutable_gravity_field().set_gravity_vector(self.g)
 
-    def _at(self, q: Array, v: Array) -> Iterator[int]:
+    def _visit(self, q: Array, v: Array) -> Iterator[int]:
         for i in range(len(q)):
             self.plant.SetPositionsAndVelocities(self.context, np.concatenate([q[i], v[i]]))
             yield i
@@ -80,7 +80,7 @@ class DrakeTree(kit.OpenTree):
         shape, world = (len(q), len(self.links) + 1), self.plant.world_frame()
         R, p, screws = np.tile(np.eye(3), (*shape, 1, 1)), np.zeros((*shape, 3)), np.zeros((len(q), 6, q.shape[1]))
         moves = np.zeros((shape[1], q.shape[1]))
-        for i in self._at(q, np.zeros_like(q)):
+        for i in self._visit(q, np.zeros_like(q)):
             for k, link in enumerate(self.links, 1):
                 X = link.EvalPoseInWorld(self.context)
                 R[i, k], p[i, k] = X.rotation().matrix(), X.translation()
@@ -93,7 +93,7 @@ class DrakeTree(kit.OpenTree):
     def bias(self, at: kit.BodyPoses, q: Array, v: Array, V: Array) -> Array:
         """Compute the body accelerations for zero joint accelerations."""
         A = np.zeros_like(V)
-        for i in self._at(q, v):
+        for i in self._visit(q, v):
             moved = self.plant.CalcSpatialAccelerationsFromVdot(self.context, np.zeros_like(v[i]))
             for k, link in enumerate(self.links, 1):
                 A[i, k] = moved[int(link.index())].get_coeffs()
@@ -102,7 +102,7 @@ class DrakeTree(kit.OpenTree):
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         """Compute the inverse dynamics of the open tree, and add the rotor inertias that a URDF cannot express."""
         tau = np.empty_like(q)
-        for i in self._at(q, v):
+        for i in self._visit(q, v):
             weights = MultibodyForces(self.plant)
             self.plant.CalcForceElementsContribution(self.context, weights)
             tau[i] = self.plant.CalcInverseDynamics(self.context, a[i], weights)

@@ -153,7 +153,7 @@ class Equations:
         a, b = (world_point(pose[name], point) for name, point in spring.ends)
         return kit.apply("sqrt", (b - a) @ (b - a))
 
-    def _across(self, joint: kit.Joint) -> Pose:
+    def _joint_pose(self, joint: kit.Joint) -> Pose:
         """Return the pose of the joint's child frame in its parent frame."""
         R, p = np.eye(3).astype(object), np.zeros(3).astype(object)
         for column, (turns, axis) in zip(self.mechanism.columns(joint.coordinates), joint.freedoms, strict=True):
@@ -168,7 +168,7 @@ class Equations:
         """Return the poses of all bodies after virtual displacements."""
         pose: dict[str, Pose] = {kit.GROUND: (np.eye(3).astype(object), np.zeros(3).astype(object))}
         for (joint, out), x in zip(self.tree, np.array(moved, dtype=object).reshape(-1, 6), strict=True):
-            ((near, inner), (far, outer)), (A, s) = joint.sides if out else joint.sides[::-1], self._across(joint)
+            ((near, inner), (far, outer)), (A, s) = joint.sides if out else joint.sides[::-1], self._joint_pose(joint)
             A, s = (A, s) if out else (A.T, -(A.T @ s))
             R, p = pose[near][0] @ inner.R, world_point(pose[near], inner.p)
             turn, arm = np.eye(3) + skew(x[3:]), np.zeros(3) if out else R @ s  # from the joint's child-side point
@@ -179,6 +179,6 @@ class Equations:
     def _gaps(self, pose: Mapping[str, Pose]) -> Iterator[Any]:
         for joint in self.cuts:
             (before, inner), (after, outer) = joint.sides
-            A, s = self._across(joint)
+            A, s = self._joint_pose(joint)
             yield from world_point(pose[after], outer.p) - world_point(pose[before], inner.p + inner.R @ s)
             yield from axial_vector(pose[after][0] @ outer.R @ (pose[before][0] @ inner.R @ A).T)

@@ -103,7 +103,7 @@ def _sarrus(s: Sketch) -> None:
             + s.rng.uniform(-0.3, 0.3) * axis
             for height, reach in ((0.0, 0.5), (0.5, 1.0), (1.0, 0.4))
         )
-        s.place("RRR", s.between(GROUND, "platform", 3), zip(points, repeat(axis)))
+        s.place("RRR", s.chain_names(GROUND, "platform", 3), zip(points, repeat(axis)))
 
 
 def _draw_axis(s: Sketch, angle: float, tilt: float, near: float) -> tuple[Array, Array]:
@@ -204,7 +204,7 @@ def _three_rrr(s: Sketch) -> None:
     base, top = _ring(s, 3, 0.2), _ring(s, 3, 0.2) * np.array([0.4, 0.4, 1.0])
     for foot, head in zip(base, top, strict=True):
         elbow = (foot + head) / 2 + rotation(_Z, np.array(np.pi / 2)) @ (head - foot) * s.rng.uniform(0.4, 0.8)
-        s.place("RRR", s.between(GROUND, "platform", 3), zip((foot, elbow, head), repeat(_Z)), driven=0)
+        s.place("RRR", s.chain_names(GROUND, "platform", 3), zip((foot, elbow, head), repeat(_Z)), driven=0)
 
 
 def _three_rrr_spherical(s: Sketch) -> None:
@@ -214,7 +214,7 @@ def _three_rrr_spherical(s: Sketch) -> None:
             _draw_axis(s, 2 * np.pi * k / 3 + angle + s.rng.uniform(-0.2, 0.2), tilt + s.rng.uniform(-0.2, 0.2), 0.4)
             for angle, tilt in ((0.0, 2.0), (0.9, 1.4), (0.2, 0.8))
         )
-        s.place("RRR", s.between(GROUND, "platform", 3), places, driven=0)
+        s.place("RRR", s.chain_names(GROUND, "platform", 3), places, driven=0)
 
 
 def _three_upu(s: Sketch) -> None:
@@ -225,7 +225,7 @@ def _three_upu(s: Sketch) -> None:
         for foot, head in _ends(s, 3):
             axes, along = s.axes("U", s.off_axis(head - foot)), (head - foot) / np.linalg.norm(head - foot)
             places = (foot, axes), (foot, along), (head, axes[::-1])
-            s.place("UPU", s.between(GROUND, "platform", 3), places, driven=1)
+            s.place("UPU", s.chain_names(GROUND, "platform", 3), places, driven=1)
 
 
 def _delta(s: Sketch) -> None:

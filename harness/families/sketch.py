@@ -42,7 +42,7 @@ class Placed:
         normal = np.cross(first, second) * np.sign(np.cross(first, second) @ third)
         return float(np.arctan2(np.cross(normal, third) @ second, normal @ third))
 
-    def before(self, home: Array, W: Array) -> tuple[Array, Array, Array]:
+    def zero_axes(self, home: Array, W: Array) -> tuple[Array, Array, Array]:
         """Return the axes at zero coordinates, and the rotation and displacement from zero to the home coordinates.
 
         Args:
@@ -116,7 +116,7 @@ class Sketch:
         axes = self.axes(kind, axes) if axes is None or axes.ndim == 1 else axes
         self.joints.append(Placed(kind, a, b, point, axes, driven))
 
-    def between(self, a: str, b: str, n: int) -> list[str]:
+    def chain_names(self, a: str, b: str, n: int) -> list[str]:
         """Return the names of the bodies that n joints in series connect: a, new bodies, and b."""
         return [a, *(f"{len(self.joints)}-{i}" for i in range(n - 1)), b]
 
@@ -134,7 +134,7 @@ class Sketch:
             way / np.linalg.norm(way) if kind == "P" else self.off_axis(way) if way.any() else None
             for kind, way in zip(kinds, ways, strict=True)
         )
-        self.place(kinds, self.between(a, b, len(kinds)), zip(points, axes, strict=True), driven)
+        self.place(kinds, self.chain_names(a, b, len(kinds)), zip(points, axes, strict=True), driven)
 
     @property
     def firsts(self) -> list[int]:
@@ -216,7 +216,7 @@ def describe(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
         if placed.kind == "S":  # the angle between the third axis and the normal is the second coordinate
             home[1] = placed.tilt()
         homes += home.tolist()
-        axes, turn, slide = placed.before(home, W)
+        axes, turn, slide = placed.zero_axes(home, W)
         J, point = np.eye(3) if plain else sketch.draw_rotation(), W @ placed.point + origin
         joints[label] = {
             "kind": placed.kind,

@@ -167,14 +167,14 @@ def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dic
     complete = (one for one in ordered if _POSITION in one.values and _has(one.values[_POSITION], mechanism))
     if (reference := next(complete, None)) is None:
         return {**solutions}
-    return {name: one if one is reference else _rewritten(mechanism, reference, one) for name, one in solutions.items()}
+    return {name: one if one is reference else _convert(mechanism, reference, one) for name, one in solutions.items()}
 
 
 def _has(values: Values, mechanism: Mechanism) -> bool:
     return {*mechanism.moving} <= {*values.components}
 
 
-def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solution:
+def _convert(mechanism: Mechanism, reference: Solution, one: Solution) -> Solution:
     """Convert a solution to the reference's chart."""
     arrays = {name: one.values[name].array.copy() for name in (_POSITION, *_ALONG) if name in one.values}
     place = {name: {c: k for k, c in enumerate(one.values[name].components)} for name in arrays}

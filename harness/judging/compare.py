@@ -56,7 +56,7 @@ def compare(
         having = [solution for solution in ordered if quantity in solution.values]
         rules = _rules(quantity, problem.rule, mobility, mechanism)
         for a, b in combinations(having, 2):
-            if not _comparable(quantity, a, b):
+            if not _can_compare(quantity, a, b):
                 continue
             names, others = (one.values[quantity].components for one in (a, b))
             differ = "the components differ" if names != others and quantity.startswith("tree_force") else ""
@@ -83,7 +83,7 @@ def compare(
     return frame(errors, ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float}), frame(pairs, PAIR_COLUMNS)
 
 
-def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
+def _can_compare(quantity: str, a: Solution, b: Solution) -> bool:
     """Return True if a quantity can be compared: components must overlap; for open-tree forces, neither tree may be
     part of the other tree."""
     names, others = ({*one.values[quantity].components} for one in (a, b))

@@ -60,7 +60,7 @@ def judge(
             rows = np.setdiff1d(rows, one.rows)
     if not rows.size or not _knows_joints(solution):
         return frame((), JUDGE_COLUMNS)
-    few = _few(rows)
+    few = _thin_out(rows)
     if isinstance(task, GivenMotion):
         looser = {name: tolerance_of(name) for name in QUANTITIES if tolerance_of(name) > tolerance}
         whole, some = (answer_at(mechanism, problem, solution, part, tolerance, looser) for part in (rows, rows[few]))
@@ -86,7 +86,7 @@ def _knows_joints(solution: Solution) -> bool:
     return "joint_position" in solution.values or solution.assembly is not None
 
 
-def _few(rows: Rows) -> Rows:
+def _thin_out(rows: Rows) -> Rows:
     """Choose at most `MOST` evenly spaced samples."""
     return np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.intp))
 
@@ -193,7 +193,7 @@ def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solutio
     for solution in solutions:
         rows: Rows = np.arange(len(motion_task(problem))) if solution.rows is None else solution.rows
         if rows.size and _knows_joints(solution):
-            answer, admissible = answer_in_motion(mechanism, problem, solution, rows[_few(rows)])
+            answer, admissible = answer_in_motion(mechanism, problem, solution, rows[_thin_out(rows)])
             sizes = _summands(answer)
             if isinstance(problem.task, GivenMotion) and problem.task.idle:
                 push = sizes["N m"] / least_inertia(answer, admissible, problem.task.idle)

@@ -221,24 +221,24 @@ def _wrenches_by_kind(answer: Answer, one: LeftOut, springs: Sequence[JointSprin
                 total = np.zeros(_shape(answer))
                 for name, share in one.along.items():
                     act = coordinate_wrench(answer.motion, name, share * force)
-                    total += _between(answer, act.joint.bodies, act.force, act.moment, act.point)
+                    total += _wrench_pair(answer, act.joint.bodies, act.force, act.moment, act.point)
                 yield kind, total
         case TurnResistance():
             yield from _about_ball(answer, one)
         case BorneWeight():
             at = _fixed_to(answer, one.body, one.point, np.eye(3))
             force = np.tile(one.mass * answer.applied.g, (len(answer.t), 1))
-            yield WEIGHT, _between(answer, ("", one.body), force, np.zeros_like(force), at.p[:, 0])
+            yield WEIGHT, _wrench_pair(answer, ("", one.body), force, np.zeros_like(force), at.p[:, 0])
         case Drag():
             at = _fixed_to(answer, one.body, one.frame.p, one.frame.R)
-            yield DRAG, _between(answer, ("", one.body), *_drag(one, at), at.p[:, 0])
+            yield DRAG, _wrench_pair(answer, ("", one.body), *_drag(one, at), at.p[:, 0])
 
 
 def _shape(answer: Answer) -> tuple[int, int, int]:
     return len(answer.t), len(answer.mechanism.bodies), 6
 
 
-def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Array, point: Array) -> Array:
+def _wrench_pair(answer: Answer, bodies: tuple[str, str], force: Array, moment: Array, point: Array) -> Array:
     """Return the wrenches of a force at a point and a moment on the second of two bodies, and their reactions on the
     first body."""
     total, index = np.zeros(_shape(answer)), answer.mechanism.body_index
@@ -291,8 +291,8 @@ def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Ar
             total, none = np.zeros(_shape(answer)), np.zeros((len(force), 3))
             for i, ((first, _), (second, _)) in enumerate(pairwise(one.path)):
                 pull = force[:, None] * line[:, i]
-                total += _between(answer, ("", second), pull, none, at.p[:, i + 1])
-                total += _between(answer, ("", first), -pull, none, at.p[:, i])
+                total += _wrench_pair(answer, ("", second), pull, none, at.p[:, i + 1])
+                total += _wrench_pair(answer, ("", first), -pull, none, at.p[:, i])
             yield kind, total
 
 
@@ -302,7 +302,7 @@ def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Arra
     Moments are about the child's axes; a free joint also has forces along world axes.
     """
     joint = answer.mechanism.joint(one.joint)
-    near, far = (_at(answer, answer.tree.on(body, frame)) for body, frame in joint.sides)
+    near, far = (_frame_motion(answer, answer.tree.fix(body, frame)) for body, frame in joint.sides)
     R, point = far.R[:, 0], far.p[:, 0]
     seen, spin = np.swapaxes(R, 1, 2), (far.w - near.w)[:, 0]
     rates = times(seen, spin), times(seen, (far.b - near.b)[:, 0] - cross(far.w[:, 0], spin))
@@ -310,7 +310,7 @@ def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Arra
     for kind, there in ((ARMATURE, one.armature), (DAMPING, one.damping), (FRICTION, one.friction)):
         if there:
             moment, force = times(R, _law(kind, one, *rates)), _law(kind, one, *ways) * (joint.kind == "F")
-            yield kind, _between(answer, joint.bodies, force, moment, point)
+            yield kind, _wrench_pair(answer, joint.bodies, force, moment, point)
 
 
 def _law(kind: str, one: TurnResistance, rate: Array, acceleration: Array) -> Array:
@@ -320,10 +320,10 @@ def _law(kind: str, one: TurnResistance, rate: Array, acceleration: Array) -> Ar
 
 
 def _fixed_to(answer: Answer, body: str, p: Array, R: Array) -> Moving:
-    return _at(answer, answer.tree.body_frames[body].place(R, p))
+    return _frame_motion(answer, answer.tree.body_frames[body].place(R, p))
 
 
-def _at(answer: Answer, frame: FixedFrame) -> Moving:
+def _frame_motion(answer: Answer, frame: FixedFrame) -> Moving:
     """Return the motion of a single frame."""
     return answer.motion.links.frames(stack_frames([frame]))
 

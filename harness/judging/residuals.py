@@ -140,11 +140,11 @@ def power_balance(answer: Answer, required: Array, sizes: Array) -> Residuals:
     taken, terms = required * moved, np.repeat(sizes, 3, axis=1) * moved
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero, and only its terms show how large rounding is
-    size, about = largest(given, terms, _loose(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
+    size, about = largest(given, terms, _loose_power(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
     yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
 
 
-def _loose(answer: Answer, rates: Array) -> Array:
+def _loose_power(answer: Answer, rates: Array) -> Array:
     """Return the power of actuator forces whose tolerance the scene loosens; `rates` has shape (n, n_actuator, ...)."""
     forces = [answer.loose_scale("actuator_force", unit) for unit in answer.mechanism.actuator_units]
     return np.tensordot(np.abs(rates), forces, (1, 0))
@@ -166,7 +166,7 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
     if answer.has("actuator_force"):
         driven = joints[:, mechanism.actuated_columns]
         given[" by actuators"] = np.einsum("nkj,nk->nj", driven, answer["actuator_force"])
-        loose = _loose(answer, driven)
+        loose = _loose_power(answer, driven)
     if answer.has("axis_moment"):
         driving = answer["axis_moment"] - joint_forces(mechanism, answer.states, answer.t, answer.applied)
         given[" about axes"] = np.einsum("nqj,nq->nj", joints, driving)

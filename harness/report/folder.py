@@ -50,7 +50,7 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
         shutil.rmtree(_stage(out))
         _check_own(out, names, force)
     except (OSError, ValueError) as error:  # ValueError: the path contains a null byte
-        raise _cannot(out, error) from error
+        raise _refusal(out, error) from error
     finally:
         for folder in made:
             if folder.is_dir() and not any(folder.iterdir()):
@@ -101,7 +101,7 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
             (stage / MANIFEST).write_text(text, encoding="utf-8")
         _move(stage, out)
     except (OSError, ValueError) as error:
-        raise _cannot(out, error) from error
+        raise _refusal(out, error) from error
     finally:
         if stage is not None and stage.exists():
             shutil.rmtree(stage, ignore_errors=True)
@@ -133,7 +133,7 @@ def _move(stage: Path, out: Path) -> None:
         os.replace(stage / name, out / name)
 
 
-def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
+def _refusal(out: Path, error: OSError | ValueError) -> OutputError:
     return OutputError(f"cannot write to the folder ({why(error)})", str(out), "choose another folder")
 
 
@@ -226,7 +226,7 @@ def lock_folder(out: Path) -> Iterator[None]:
         raise OutputError(what, str(out), remedy) from None
     except (OSError, ValueError) as error:  # ValueError: the path contains a null byte
         if place < 0 or getattr(error, "errno", None) not in _UNABLE:
-            raise _cannot(out, error) from error
+            raise _refusal(out, error) from error
     try:
         yield
     finally:

@@ -206,7 +206,7 @@ def samples(t: Array) -> str:
     return f"{len(t)} sample{'s' * (len(t) != 1)}, t = {span(number(t[0]), number(t[-1]))} s"
 
 
-def about(scene: Scene, t: Array) -> dict[str, Any]:
+def describe_run(scene: Scene, t: Array) -> dict[str, Any]:
     """Describe the computation as a table of names and values."""
     described = {
         "scene": scene.name,

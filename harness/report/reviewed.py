@@ -78,7 +78,7 @@ def sentences(review: TableReview) -> list[str]:
         return [f"No value in {review.name} is unique, so nothing is compared."]
     agree = f"{_all(review, whole)} to {digits_text(max((c.left for c in whole), default=1.0))} digits"
     if review.ok:
-        return [f"{agree} with {review.engine}.", *_loose(review)]
+        return [f"{agree} with {review.engine}.", *_printed_digits(review)]
     kinds = {fault.kind for column in whole for fault in column.faults or ()}
     noisy = ", as far as the noise allows" if "noise" in kinds else ""
     right = f"; corrected, {agree}{noisy}" if kinds - {"noise"} else f"; {agree}{noisy}"
@@ -91,7 +91,7 @@ def sentences(review: TableReview) -> list[str]:
     return said
 
 
-def _loose(review: TableReview) -> Iterator[str]:
+def _printed_digits(review: TableReview) -> Iterator[str]:
     """Yield sentences on columns that agree within their printed digits, but not within the tolerance of a run."""
     for quantity in dict.fromkeys(column.quantity for column in review.columns if not column.ok):
         place = max(column.place for column in review.columns if column.quantity == quantity)

@@ -111,7 +111,7 @@ def _report_undecided(results: Comparison) -> list[str]:
     count = f"{results.undecided} of {len(results.times)} samples"
     if "a" not in row:
         return [f"Not decided at {count}: the {words(row['residual'])} residual of {row['engine']} is {row['reason']}."]
-    first = f"{row['a']} and {row['b']} differ in {row['quantity']}{_place(row)} by {_amount(row)}{_because(row)}"
+    first = f"{row['a']} and {row['b']} differ in {row['quantity']}{_place(row)} by {_amount(row)}{_reason(row)}"
     return [f"Not decided at {count}: {first}."]
 
 
@@ -128,7 +128,7 @@ def _difference(results: Comparison) -> list[str]:
         return [f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).", *more]
     where = f"first in {row['quantity']} at {row['worst_component']}" if row["worst_component"] else row["quantity"]
     at = f" at t = {number(row['worst_t'])} s"
-    differ = f"{row['a']} and {row['b']} differ: {where}, by {_amount(row)}{at}{_because(row)}."
+    differ = f"{row['a']} and {row['b']} differ: {where}, by {_amount(row)}{at}{_reason(row)}."
     known, unknown = (_report_faults(results, explained=explained) for explained in (True, False))
     cause = " ".join([differ, *_model_differences(results, row["a"], row["b"])])  # a headline has one sentence
     return [*known, cause, *unknown, *more, *results.known]
@@ -151,7 +151,7 @@ def _model_differences(results: Comparison, *engines: str) -> list[str]:
     return [f"The models also differ: {first_few(differences, DOUBTS, '; ')}."] if differences else []
 
 
-def _unlike(results: Comparison) -> list[str]:
+def _mismatch_warnings(results: Comparison) -> list[str]:
     """Report differences in model files that the scene does not allow, unless they have been reported already."""
     if {"differ", "faulted"} & {*results.outcomes}:
         return []
@@ -169,7 +169,7 @@ def _fault(results: Comparison) -> list[str]:
     """Report the first residual out of tolerance, unless a difference in models already explains it."""
     row = rows(results.faults)[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
-    sentence = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
+    sentence = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_reason(row)}."
     return (
         [sentence] if len(results.differences) else [" ".join([sentence, *_model_differences(results, row["engine"])])]
     )
@@ -183,7 +183,7 @@ _SENTENCES: dict[Outcome, Callable[[Comparison], list[str]]] = {
     "unjudged": _unjudged_engines,
     "partly": _omissions,
     "undecided": _report_undecided,
-    "unlike": _unlike,
+    "unlike": _mismatch_warnings,
 }
 
 
@@ -192,7 +192,7 @@ def _amount(row: Row) -> str:
     return f"{size(row['max_abs'])} {unit_text(row['unit'])} ({size(row['max_scaled'])} scaled, tolerance {tolerance})"
 
 
-def _because(row: Row) -> str:
+def _reason(row: Row) -> str:
     return f", {row['reason']}" if row.get("reason") else ""
 
 

@@ -29,7 +29,7 @@ def assumptions(scene: Scene) -> tuple[str, ...]:
     if not scene.undriven:
         return ()
     numbers = tuple(one.number for one in scene.undriven)
-    idle = _idle(scene.mechanism, scene.motion, scene.applied, numbers)
+    idle = _find_idle(scene.mechanism, scene.motion, scene.applied, numbers)
     return tuple(
         _sentence(scene, one) + " The actuator forces do not depend on it." * (one.number in idle)
         for one in scene.undriven
@@ -59,7 +59,7 @@ def check_rest(scene: Scene) -> None:
         return
     motion = scene.motion.part(spread(len(scene.motion), MOST))
     numbers = tuple(one.number for one in scene.undriven)
-    along, size = _along(_at(scene.mechanism, motion, scene.applied), numbers)
+    along, size = _idle_forces(_close_motion(scene.mechanism, motion, scene.applied), numbers)
     for one in resting:
         force = np.abs(along[:, numbers.index(one.number)])
         if force.max() > NOTHING * size:
@@ -69,16 +69,16 @@ def check_rest(scene: Scene) -> None:
 
 
 @lru_cache(maxsize=1)  # the arguments are immutable
-def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: tuple[int, ...]) -> frozenset[int]:
+def _find_idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: tuple[int, ...]) -> frozenset[int]:
     """Select the coordinates along which no force acts and whose motion does not change any actuator force."""
     rows: Rows = spread(len(motion), MOST)
     some = motion.part(rows)
-    at = _at(mechanism, some, applied)
-    (along, size), unit = _along(at, numbers), at.loops.sizes[at.loops.y_columns]
+    at = _close_motion(mechanism, some, applied)
+    (along, size), unit = _idle_forces(at, numbers), at.loops.sizes[at.loops.y_columns]
     resting = tuple(k for k in numbers if k not in motion.idle)
 
     def forces(y: Array, yd: Array) -> Array:
-        moved = _at(mechanism, GivenMotion(some.t, y, yd, some.ydd), applied)
+        moved = _close_motion(mechanism, GivenMotion(some.t, y, yd, some.ydd), applied)
         moved.idle, moved.resting = motion.idle, resting
         return np.asarray(moved.actuator_force)
 
@@ -92,14 +92,14 @@ def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: 
     return frozenset(found)
 
 
-def _at(mechanism: Mechanism, motion: GivenMotion, applied: Applied) -> ClosedMotion:
+def _close_motion(mechanism: Mechanism, motion: GivenMotion, applied: Applied) -> ClosedMotion:
     """Close the loops along a motion, keeping the given accelerations."""
     mode = AssemblyMode(layout(mechanism))
     q = mode.motion(motion.y, motion.t, (motion.yd, motion.ydd))
     return ClosedMotion(mode.system, q, motion.yd, motion.ydd, applied, motion.t)
 
 
-def _along(at: ClosedMotion, numbers: tuple[int, ...]) -> tuple[Array, float]:
+def _idle_forces(at: ClosedMotion, numbers: tuple[int, ...]) -> tuple[Array, float]:
     """Return forces along motions that move no actuator, assuming no acceleration along them, and the largest force."""
     ydd = at.ydd * ~np.isin(np.arange(at.ydd.shape[1]), numbers)
     still = ClosedMotion(at.loops, at.q, at.yd, ydd, at.applied, at.t)

@@ -130,7 +130,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
         }
         step = float(f"{PERIODS * 2.0 * np.pi / omega / (SAMPLES - 1):.2g}")
         drive, t = (
-            _whole(scene, read_drive(tables, [*labels], Path(), "motion")[0]),
+            _complete_drive(scene, read_drive(tables, [*labels], Path(), "motion")[0]),
             step * np.arange(float(samples)),
         )
         try:
@@ -146,7 +146,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     raise DescriptionError(what, mechanism.where, "widen the limits, or choose another home pose")
 
 
-def _whole(scene: Scene, given: Drive) -> Drive | Followed:
+def _complete_drive(scene: Scene, given: Drive) -> Drive | Followed:
     """Complete a given motion with the coordinates that no actuator drives."""
     return replace(scene.drive, given=given, since=0.0) if isinstance(scene.drive, Followed) else given
 

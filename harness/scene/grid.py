@@ -144,7 +144,7 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
     cells = np.array([*product(*(range(len(values)) for values in axes.values()))])
     y = np.tile(rest, (len(cells), 1))
     y[:, places] = np.stack([values[row] for values, row in zip(axes.values(), cells.T, strict=True)], axis=1)
-    counts, freedoms = [*map(len, axes.values())], _undriven(mechanism, axes)
+    counts, freedoms = [*map(len, axes.values())], _free_coordinates(mechanism, axes)
     reasons, ways, first = examine(mechanism, y, counts, [one.number for one in freedoms])
     order, path, reached = walk(counts, np.array([not why for why in reasons]), ways, first)
     for row in {*range(len(y))} - {*order.tolist()}:
@@ -162,7 +162,7 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
     return GridMotion(tuple(axes), units, tuple(axes.values()), cells[order], y[path], reached, tuple(lost), freedoms)
 
 
-def _undriven(mechanism: Mechanism, axes: Collection[str]) -> tuple[Freedom, ...]:
+def _free_coordinates(mechanism: Mechanism, axes: Collection[str]) -> tuple[Freedom, ...]:
     """Return the coordinates that the grid does not vary and that no actuator drives."""
     undriven = {*undriven_labels(mechanism)} - {*axes}
     if not undriven:

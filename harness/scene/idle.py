@@ -130,7 +130,7 @@ class Followed:
         Raises:
             ScrewgaugeError: The motion ends before one of the times, or its file lacks a sample at one of them.
         """
-        motion = self.between(t)
+        motion = self.interpolate(t)
         if not isinstance(self.given, Sampled):
             return motion
         exact, places = self.given(t), self._places
@@ -139,12 +139,12 @@ class Followed:
             whole[:, places] = part
         return replace(motion, y=y, yd=yd, ydd=self._motion.accelerations(t, y, yd, ydd))
 
-    def between(self, t: Array) -> GivenMotion:
+    def interpolate(self, t: Array) -> GivenMotion:
         """Return the motion at times [s], interpolated between the samples of its file."""
         if (early := np.flatnonzero(t < self.since)).size:
             what = f"the motion of coordinates without an actuator starts at t = {self.since:g} s"
             raise DescriptionError(what, "motion", f"remove earlier times, such as {t[early[0]]:g} s")
-        return GivenMotion(t, *self._motion(t), self.between, self._motion.idle)
+        return GivenMotion(t, *self._motion(t), self.interpolate, self._motion.idle)
 
     @property
     def _places(self) -> list[int]:
@@ -153,7 +153,7 @@ class Followed:
 
     def _given_motion(self, t: Array) -> State:
         """Return the prescribed motion, in which all other coordinates keep their start values. Shape (n, k) each."""
-        some = self.given.between(t) if isinstance(self.given, Sampled) else self.given(t)
+        some = self.given.interpolate(t) if isinstance(self.given, Sampled) else self.given(t)
         home = self.mechanism.home[self.mechanism.independent_columns]
         y, yd, ydd = np.tile(home, (len(t), 1)), *np.zeros((2, len(t), len(home)))
         for label, one in self.stated.items():
@@ -168,7 +168,7 @@ class Followed:
         """Coordinates that no actuator drives."""
         labels = [*self.mechanism.independent]
         every = [k for k in range(len(labels)) if k not in self._places]
-        idle = self._inert(every)
+        idle = self._select_inertial(every)
         y, yd, _ = self._given_motion(np.array([self.since]))
         rates = {labels.index(label): rate for label, one in self.stated.items() if (rate := one["rate"]) is not None}
         chosen = [k for k in idle if k in rates]
@@ -201,7 +201,7 @@ class Followed:
             breaks=self.given.samples.t if isinstance(self.given, Sampled) else None,
         )
 
-    def _inert(self, undriven: list[int]) -> list[int]:
+    def _select_inertial(self, undriven: list[int]) -> list[int]:
         """Select as many coordinates as possible with a nonsingular inertia matrix; all others rest."""
         lay = layout(self.mechanism)
         unit = home_equations(lay).sizes[self.mechanism.independent_columns]

@@ -75,6 +75,6 @@ def _read(key: str, one: dict[str, Any], table: dict[str, Any], where: str) -> A
     return value
 
 
-def among(table: str, key: str) -> tuple[str, ...]:
+def choices_of(table: str, key: str) -> tuple[str, ...]:
     """Return the names that a key accepts, starting with the default."""
     return tuple(TABLES[table]["keys"][key]["among"])

@@ -186,7 +186,7 @@ class Sampled:
             )
         return self.samples.part(rows)
 
-    def between(self, t: Array) -> GivenMotion:
+    def interpolate(self, t: Array) -> GivenMotion:
         """Return the motion at times [s], interpolated by cubic splines through values and rates. Shape (n,)."""
         from scipy.interpolate import CubicHermiteSpline, CubicSpline
 

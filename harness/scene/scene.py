@@ -26,11 +26,11 @@ from screwgauge.reference.tables import check_name
 from screwgauge.scene.entries import Figure, as_written, read_applied, read_load, read_times
 from screwgauge.scene.grid import GridMotion
 from screwgauge.scene.idle import Followed, Freedom
-from screwgauge.scene.keys import TABLES, among
+from screwgauge.scene.keys import TABLES, choices_of
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Observable, Published, Recorded, merge_times
 
-RULES = among("scene", "rule")
+RULES = choices_of("scene", "rule")
 LINE = 85  #: Characters above which a list is shown as a count.
 DEFAULT_ENGINES: tuple[str, ...] = tuple(TABLES["scene"]["keys"]["engines"]["default"])
 

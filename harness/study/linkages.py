@@ -68,7 +68,7 @@ def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent
 
 def four_bar(crank: float, coupler: float, rocker: float, base: float, angle: float, *, side: float = 1.0) -> Tables:
     """Describe a four-bar by lengths [m], home angle of the crank [rad], and side on which coupler and rocker meet."""
-    tip = _along(crank, angle)
+    tip = _polar(crank, angle)
     lean, swing = _triangle(tip, np.array([base, 0.0]), coupler, rocker, side)
     pins = {
         "a": pin("ground", "crank", (0.0, 0.0), (0.0, 0.0), angle, driven=True),
@@ -100,7 +100,7 @@ def five_bar(
     cranks: tuple[float, float], rods: tuple[float, float], base: float, angles: tuple[float, float], side: float = 1.0
 ) -> Tables:
     """Describe a five-bar with two driven cranks by its lengths [m] and the home angles of the cranks [rad]."""
-    tips = _along(cranks[0], angles[0]), np.array([base, 0.0]) + _along(cranks[1], angles[1])
+    tips = _polar(cranks[0], angles[0]), np.array([base, 0.0]) + _polar(cranks[1], angles[1])
     left, right = _triangle(*tips, *rods, side)
     pins = {
         "a": pin("ground", "left", (0.0, 0.0), (0.0, 0.0), angles[0], driven=True),
@@ -113,7 +113,7 @@ def five_bar(
     return describe({bar: length / 2 for bar, length in centres}, pins, "a", "e")
 
 
-def _along(length: float, angle: float) -> Array:
+def _polar(length: float, angle: float) -> Array:
     return length * np.array([np.cos(angle), np.sin(angle)])
 
 
@@ -123,7 +123,7 @@ def _triangle(start: Array, end: Array, first: float, second: float, side: float
     d = float(np.hypot(*way))
     opening = np.arccos((first**2 + d**2 - second**2) / (2.0 * first * d))
     lean = float(np.arctan2(way[1], way[0]) + side * opening)
-    meet = start + _along(first, lean) - end
+    meet = start + _polar(first, lean) - end
     return lean, float(np.arctan2(meet[1], meet[0]))
 
 

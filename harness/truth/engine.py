@@ -70,7 +70,7 @@ class TruthModel:
         motion = self._check(problem)
         n = len(motion)
         rows = spread(n, MOST)
-        depth = stages(_certifiable(problem))
+        depth = stages(_certify(problem))
         files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
         version = cache.code_version(*(Path(str(file)).parent for file in files), packages=("python-flint", "numpy"))
         key = _key(self.file, problem, motion, rows, depth)
@@ -95,7 +95,7 @@ class TruthModel:
         return motion
 
 
-def _certifiable(problem: Problem) -> frozenset[str]:
+def _certify(problem: Problem) -> frozenset[str]:
     return problem.wanted - set(LACKS)
 
 
@@ -106,7 +106,7 @@ def _usable_table(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, 
     except (KeyError, TypeError, ValueError):
         return None
     sizes = {name: len(columns[0]) for name, columns in description_names(mechanism, problem.points).items()}
-    return table if table.answers(_certifiable(problem), sizes, y, mechanism.independent_columns) else None
+    return table if table.answers(_certify(problem), sizes, y, mechanism.independent_columns) else None
 
 
 def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
@@ -167,13 +167,13 @@ def _table(
         try:
             balls.append(sample(row, start[i]))
         except RoutesDisagree as error:
-            raise RoutesDisagree(error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy) from None
+            raise RoutesDisagree(error.what, _place(mechanism, motion.t[row], motion.y[row]), error.remedy) from None
         except NotCertified as error:
             if isinstance(error, LoopsOpen) and not rounded:
                 raise
             balls.append(None)
             remedy = remedy or error.remedy
-            reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
+            reasons.append(f"{_place(mechanism, motion.t[row], motion.y[row])}: {error.what}")
         progress((i + 1) / len(rows))
     if all(one is None for one in balls):
         where, _, what = reasons[0].partition(": ")
@@ -181,7 +181,7 @@ def _table(
     return SampleTable(*enclosures(balls, rounded), reasons, dict(clock.spent), rounded)
 
 
-def _where(mechanism: Mechanism, t: float, y: Array) -> str:
+def _place(mechanism: Mechanism, t: float, y: Array) -> str:
     return f"t = {t:g} s, {mechanism.pose_text(y)}"
 
 

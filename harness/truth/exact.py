@@ -243,10 +243,10 @@ def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
 
 def drive(terms: Terms, t: float) -> list[Jet]:
     """Return the series ``[y, y', y''/2]`` of each coordinate at time t, which is treated as exact."""
-    return [_one(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
+    return [_jet(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
 
 
-def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:
+def _jet(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:
     y = [arb(0), arb(0), arb(0)]
     for coefficient in reversed(polynomial):  # Horner on the series t + 1 dt
         y = [y[0] * t + coefficient, y[1] * t + y[0], y[2] * t + y[1]]

@@ -225,7 +225,7 @@ def actuator_units(linkage: Linkage, now: State) -> list[Unknown]:
         axis, at = point(child, frames.axes[0], 0), [child[i, 3] for i in range(3)]
         actuators.append(Unknown(joint.name, "", joint, not joint.angles, axis, at))
     for column in linkage.mechanism.actuated_columns[len(actuators) :]:
-        joint, turns, axis, at = linkage.along(column, now.q, now.bodies)
+        joint, turns, axis, at = linkage.exert(column, now.q, now.bodies)
         actuators.append(Unknown(linkage.mechanism.coordinates[column], "", joint, not turns, axis, at))
     return actuators
 
@@ -262,7 +262,7 @@ def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
 
 def coordinate_wrenches(linkage: Linkage, now: State, column: int) -> list[arb]:
     """Return the wrenches of a unit force along a coordinate, see `balance_columns`. Shape (6 n_body,)."""
-    joint, turns, direction, spot = linkage.along(column, now.q, now.bodies)
+    joint, turns, direction, spot = linkage.exert(column, now.q, now.bodies)
     return balance_columns(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])[0]
 
 

@@ -242,7 +242,7 @@ class Linkage:
             for parent, child, steps in self.cuts
         ]
 
-    def along(self, column: int, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> tuple[Joint, bool, Vector, Vector]:
+    def exert(self, column: int, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> tuple[Joint, bool, Vector, Vector]:
         """Return a unit force along a joint coordinate that does no work on the joint's other coordinates.
 
         Returns:

@@ -236,7 +236,7 @@ def enclose_sample(samplers: Sequence[Sampler], motion: GivenMotion, row: int, s
             quantities = sampler.at(motion, row, start)
         except NotCertified:
             continue
-        if all(_narrow(balls) for balls in quantities.values()):
+        if all(_are_narrow(balls) for balls in quantities.values()):
             return quantities
     return samplers[-1].at(motion, row, start)
 
@@ -264,7 +264,7 @@ def recentre_sample(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int
         }
 
 
-def _narrow(balls: Sequence[arb]) -> bool:
+def _are_narrow(balls: Sequence[arb]) -> bool:
     largest = max((float(ball.abs_upper()) for ball in balls), default=0.0)
     return all(float(ball.rad()) <= WIDE * largest for ball in balls)
 

@@ -77,7 +77,7 @@ class MechanismTree(SpanningTree):
     mechanism: Mechanism
     body_frames: Mapping[str, FixedFrame]
 
-    def on(self, body: str, frame: Frame) -> FixedFrame:
+    def fix(self, body: str, frame: Frame) -> FixedFrame:
         """Convert a frame given in a body to a frame fixed to a link."""
         return self.body_frames[body].place(frame.R, frame.p)
 

@@ -155,7 +155,7 @@ def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, 
 
 def _frames(motion: TreeMotion[MechanismTree], joint: Joint) -> tuple[Array, Array, Array]:
     """Return the world axes of a joint's frames on parent and child, and the origin of the child's frame."""
-    R, p = motion.links.poses(stack_frames([motion.tree.on(body, frame) for body, frame in joint.sides]))
+    R, p = motion.links.poses(stack_frames([motion.tree.fix(body, frame) for body, frame in joint.sides]))
     return R[:, 0], R[:, 1], p[:, 1]
 
 

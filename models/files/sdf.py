@@ -191,7 +191,7 @@ class Frames:
             raise UnknownNameError("frame", key, self.by_name, self.where)
         return key
 
-    def short(self, name: str) -> str:
+    def reading_name(self, name: str) -> str:
         """Return the name that a link or joint has in the reading."""
         return name.removeprefix(self.alone)
 
@@ -203,7 +203,7 @@ class Frames:
         """Return the name of the link with which a frame moves; `WORLD` for the world."""
         for _ in (*self.by_name, ""):
             if not (key := self.key(name)) or self.by_name[key].element.tag == "link":
-                return self.short(key)
+                return self.reading_name(key)
             name = self.by_name[key].carrier
         raise ModelFileError(f"attaches the frame '{key}' to itself", self.where, "attach it to a link")
 

@@ -178,7 +178,7 @@ class XmlText:
 
         def finish(_: str) -> None:
             element, at = open_.pop(), place(parser.CurrentByteIndex)
-            element.end = element.stop if self._alone(element) else text.index(">", at) + 1
+            element.end = element.stop if self._is_empty(element) else text.index(">", at) + 1
 
         def refuse(*_: object) -> None:
             raise DescriptionError("declares a document type", where, "remove the declaration")
@@ -197,7 +197,7 @@ class XmlText:
             at = self._text.index(self._text[at], at + 1) + 1 if self._text[at] in "\"'" else at + 1
         return at + 1
 
-    def _alone(self, element: Element) -> bool:
+    def _is_empty(self, element: Element) -> bool:
         return self._text[element.stop - 2] == "/"
 
     def set(self, element: Element, **values: str | None) -> None:
@@ -234,7 +234,7 @@ class XmlText:
         """Return the text with all edits applied."""
         edits = [(element.start, element.end, new) for element, new in self._replaced.items()]
         for element in self._unwrapped:
-            last = element.stop if self._alone(element) else self._text.rindex("</", element.stop, element.end)
+            last = element.stop if self._is_empty(element) else self._text.rindex("</", element.stop, element.end)
             edits += [(element.start, element.stop, ""), (last, element.end, "")]
         for element in {**self._attributes, **self._inserted}:
             edits.append((element.start, element.stop, self._start_tag(element)))
@@ -257,7 +257,7 @@ class XmlText:
             return "" if value is None else match[0].removesuffix(match[2]) + quoteattr(value)
 
         head = f"<{element.tag}"
-        ending = "/>" if self._alone(element) else ">"
+        ending = "/>" if self._is_empty(element) else ">"
         body = _ATTRIBUTE.sub(change, old.removeprefix(head).removesuffix(ending))
         added = "".join(f" {name}={quoteattr(value)}" for name, value in changes.items() if value is not None)
         new = head + body.rstrip() + added
@@ -265,7 +265,7 @@ class XmlText:
         if not children:
             return new + body[len(body.rstrip()) :] + ending
         inner = "".join(self._indent(element, 1) + child for child in children)
-        return f"{new}>{inner}" + (f"{self._indent(element, 0)}</{element.tag}>" if self._alone(element) else "")
+        return f"{new}>{inner}" + (f"{self._indent(element, 0)}</{element.tag}>" if self._is_empty(element) else "")
 
     def _indent(self, element: Element, deeper: int) -> str:
         """Return a newline followed by the indentation of an element."""

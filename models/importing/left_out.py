@@ -178,7 +178,7 @@ def _path(model: Any, tendon: int, reading: Reading, where: str) -> tuple[tuple[
     for site in sites:
         body = model.body(model.site_bodyid[site]).name if model.site_bodyid[site] else ""
         whole, T = (reading.place(body) if body else None) or (GROUND, np.eye(4))
-        path.append((whole, _at(T, model.site_pos[site])))
+        path.append((whole, _transform_point(T, model.site_pos[site])))
     return tuple(path)
 
 
@@ -340,9 +340,9 @@ def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[Lef
         return
     T = np.linalg.inv(graph.bodies[part].pose) @ graph.reading.bodies[body].pose if part != body else np.eye(4)
     if isinstance(one, BorneWeight):
-        yield replace(one, body=part, point=_at(T, one.point))
+        yield replace(one, body=part, point=_transform_point(T, one.point))
     else:
-        yield replace(one, body=part, frame=Frame(_at(T, one.frame.p), _clean(T[:3, :3] @ one.frame.R)))
+        yield replace(one, body=part, frame=Frame(_transform_point(T, one.frame.p), _clean(T[:3, :3] @ one.frame.R)))
 
 
 def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple[str, Array]:
@@ -356,7 +356,7 @@ def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple
         )
     if part == body:
         return part, point
-    return part, _at(np.linalg.inv(graph.bodies[part].pose) @ graph.reading.bodies[body].pose, point)
+    return part, _transform_point(np.linalg.inv(graph.bodies[part].pose) @ graph.reading.bodies[body].pose, point)
 
 
 def _clean(R: Array) -> Array:
@@ -364,5 +364,5 @@ def _clean(R: Array) -> Array:
     return np.where(np.abs(R) < ROUNDING, 0.0, R)
 
 
-def _at(T: Array, point: Array) -> Array:
+def _transform_point(T: Array, point: Array) -> Array:
     return np.asarray(T[:3, :3] @ point + T[:3, 3])

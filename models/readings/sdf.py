@@ -67,7 +67,7 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
     frames = Frames(where, moving[0] if len(moving) == 1 else "")
     frames.add(top)
     frames.place()
-    links = {frames.short(n): f for n, f in frames.by_name.items() if f.element.tag == "link"}
+    links = {frames.reading_name(n): f for n, f in frames.by_name.items() if f.element.tag == "link"}
     every = (_Joint(n, f, frames) for n, f in frames.by_name.items() if f.element.tag == "joint" and not f.still)
     joints = {one.name: one for one in every}
     if any(f.element.get("name") == "world" for f in links.values()):
@@ -82,7 +82,7 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
         gravity=None if world is None else frames.vector(world, "gravity", _GRAVITY, 3),
         content=(
             *_other_models(root, world),
-            *_unread(joints),
+            *_ball_axes(joints),
             *(force_limits(*each) for one in joints.values() for each in one.efforts()),
         ),
         remarks=tuple(_remarks({n: f.element for n, f in links.items() if not f.still})),
@@ -102,7 +102,7 @@ def _other_models(root: ET.Element, world: ET.Element | None) -> Iterator[Conten
     )
 
 
-def _unread(joints: Mapping[str, _Joint]) -> Iterator[Content]:
+def _ball_axes(joints: Mapping[str, _Joint]) -> Iterator[Content]:
     """Yield the axes of ball joints, which are ignored because the coordinates of a ball do not refer to axes."""
     balls = (name for name, one in joints.items() if one.kind == "ball" and one.frame.element.find("axis") is not None)
     return (Content(OTHER, f"axis of ball joint {name}, which cannot have an axis") for name in balls)
@@ -166,7 +166,7 @@ class _Joint:
     @property
     def name(self) -> str:
         """Name of the joint in the reading."""
-        return self.frames.short(self.full)
+        return self.frames.reading_name(self.full)
 
     @property
     def kind(self) -> str:
@@ -248,7 +248,7 @@ class _Joint:
             if (mimic := self.axis(i).find("mimic")) is not None:
                 leader, nth = self.frame.resolve(mimic.get("joint")), mimic.get("axis", "").removeprefix("axis") or "1"
                 slope, zero = number(mimic, "multiplier", 1.0), number(mimic, "reference", 0.0)
-                yield name, self.frames.short(leader), nth, number(mimic, "offset", 0.0) - slope * zero, slope
+                yield name, self.frames.reading_name(leader), nth, number(mimic, "offset", 0.0) - slope * zero, slope
 
     def _gear_hinge(self, side: str, joints: Mapping[str, _Joint], i: int) -> tuple[str, float]:
         """Return the hinge between a link and the reference body of a gearbox, and the sign of the hinge axis."""

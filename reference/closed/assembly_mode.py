@@ -179,12 +179,12 @@ class BranchPose:
     def _try(self, predicted: Array, goal: Array, bend: float = np.inf) -> bool:
         """Run Newton's method from a prediction; keep the pose if the loops close near the prediction."""
         corrected = self.system.correct(predicted, goal)
-        if corrected is None or self._far(corrected[0] - predicted) > bend:
+        if corrected is None or self._largest_change(corrected[0] - predicted) > bend:
             return False
         (self.q, self.K), self.y = corrected, goal.copy()
         return True
 
-    def _far(self, way: Array) -> float:
+    def _largest_change(self, way: Array) -> float:
         """Return the largest dimensionless change of an unknown, given changes of joint coordinates, shape (n_q,)."""
         return float(np.abs(self.system.unknowns(way)).max())
 
@@ -211,7 +211,7 @@ class BranchPose:
             way *= min(1.0, largest / length)
             step = self.K @ way
             goal = y if largest >= length else self.y + way
-            if self._try(self.q + step, goal, BEND * self._far(step) + 1e-9):
+            if self._try(self.q + step, goal, BEND * self._largest_change(step) + 1e-9):
                 continue
             largest = 0.5 * min(largest, length)
             if largest < SMALLEST:

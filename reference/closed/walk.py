@@ -93,7 +93,7 @@ class Walk:
         self.piece: Curve | None = None
         self.tried, self.loops, self.begun = set[int](), dict[int, Array](), False
 
-    def _full(self, J: Array, more: Sequence[Array]) -> Array:
+    def _with_resting(self, J: Array, more: Sequence[Array]) -> Array:
         return more[0] if self.resting else J
 
     def restart(self, *, begun: bool = False) -> None:
@@ -138,7 +138,7 @@ class Walk:
         start = base.z + base.K @ (goal - base.y)
         both = np.stack([start, 0.5 * (start + base.z)]), np.stack([goal, 0.5 * (goal + base.y)])
         begun = self.evaluate(*both)
-        ahead, half = base.change(self._full(begun[1], begun[2:]))
+        ahead, half = base.change(self._with_resting(begun[1], begun[2:]))
         if not (is_at_most(ahead, CHANGE) and is_at_most(half - 0.5 * ahead, 0.5 * CHANGE)):
             return False
         anchor = self._measure(start, goal, begun[0][0], begun[1][0], base)
@@ -171,7 +171,7 @@ class Walk:
             ways, divisor = offsets(base.steady(K) if base else K)
             poses = np.concatenate([there[None], there + ways])
             residuals, matrices, *more = self.evaluate(poses, np.tile(y, (2 * k + 1, 1)))
-            full, after = self._full(matrices, more), float(np.abs(residuals[0]).max(initial=0.0))
+            full, after = self._with_resting(matrices, more), float(np.abs(residuals[0]).max(initial=0.0))
             if not (np.isfinite(full).all() and after < 1.0):
                 return None
             if has_stalled(gap, after) and not closed:

@@ -28,7 +28,7 @@ from screwgauge.reference.equations.kinematics import (
     twists,
 )
 from screwgauge.reference.equations.ops import Block, Ops
-from screwgauge.reference.equations.recursion import MOVING, BodyAccelerations, outward
+from screwgauge.reference.equations.recursion import MOVING, BodyAccelerations, body_accelerations
 from screwgauge.reference.equations.screws import (
     Array,
     cross,
@@ -134,10 +134,10 @@ class Closed:
         for i, terms in self.loops.couplings.derivatives(self.q, 0):
             gap = reduce(lambda rest, term: rest - term[1], terms, self.q[..., i])
             rows.append(np.asarray(gap)[..., None])
-        rows += [np.asarray(self._off(column, y[..., k]))[..., None] for k, column in enumerate(self.loops.y_columns)]
+        rows += [np.asarray(self._gap(column, y[..., k]))[..., None] for k, column in enumerate(self.loops.y_columns)]
         return join(*rows)
 
-    def _off(self, column: int, y: Any) -> Any:
+    def _gap(self, column: int, y: Any) -> Any:
         """Return the difference between a coordinate and its given value."""
         if column in self.loops.place:
             return self.q[..., column] - y
@@ -242,7 +242,7 @@ class Motion(Closed):
     @cached_property
     def bias(self) -> BodyAccelerations:
         """Body accelerations at zero second derivatives of y, ``w^T S_L w`` of eqs. (42)-(44), (48)."""
-        return outward(self.pose, self.w, 0.0 * self.w)
+        return body_accelerations(self.pose, self.w, 0.0 * self.w)
 
     def accelerations(self, ydd: Array) -> Array:
         """Return the second derivatives of the tree coordinates, given those of y, eq. (48). Shape (..., n_q)."""
@@ -266,7 +266,7 @@ class Motion(Closed):
     @cached_property
     def moved(self) -> BodyAccelerations:
         """Accelerations of the bodies, eq. (44)."""
-        return outward(self.pose, self.w, self.beta)
+        return body_accelerations(self.pose, self.w, self.beta)
 
     @property
     def body_angular_acceleration(self) -> Array:
@@ -299,7 +299,7 @@ class Motion(Closed):
 
     def _cut_position(self, cut: CutJoint) -> Array:
         near = {column: self.near.get(column, 0.0) for column in self.loops.lay.columns[cut.at.joint.name]}
-        q = [x + self._off(column, x) for column, x in near.items()]
+        q = [x + self._gap(column, x) for column, x in near.items()]
         return np.stack(np.broadcast_arrays(*q), axis=-1)
 
     @cached_property

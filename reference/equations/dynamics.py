@@ -367,9 +367,9 @@ QUANTITIES: Mapping[str, Any] = {
     "joint_position": lambda at: at.joint_position,
     "joint_velocity": lambda at: at.joint_velocity,
     "joint_acceleration": lambda at: at.joint_acceleration,
-    "body_angular_velocity": lambda at: _flat(at.V[..., 1:, :3]),
-    "body_angular_acceleration": lambda at: _flat(at.body_angular_acceleration),
-    "com_acceleration": lambda at: _flat(at.com_acceleration),
+    "body_angular_velocity": lambda at: _flatten(at.V[..., 1:, :3]),
+    "body_angular_acceleration": lambda at: _flatten(at.body_angular_acceleration),
+    "com_acceleration": lambda at: _flatten(at.com_acceleration),
     "generalized_force": lambda at: at.generalized_force,
     "actuator_force": lambda at: at.actuator_force,
     "reaction": lambda at: at.reaction,
@@ -379,5 +379,5 @@ QUANTITIES: Mapping[str, Any] = {
 }
 
 
-def _flat(x: Array) -> Array:
+def _flatten(x: Array) -> Array:
     return x.reshape(*x.shape[:-2], -1)

@@ -24,7 +24,7 @@ from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.joint_types import constraint_wrenches, dual_wrenches, reaction_names
 from screwgauge.reference.equations.kinematics import TreePose, zeros
 from screwgauge.reference.equations.ops import System
-from screwgauge.reference.equations.recursion import at_origin, outward
+from screwgauge.reference.equations.recursion import at_origin, body_accelerations
 from screwgauge.reference.equations.screws import Array, cross, dot, join, times, transpose, velocity_at
 from screwgauge.reference.mechanism import GROUND, Joint, by_role
 from screwgauge.reference.resistance import LOSSES, resistances
@@ -110,7 +110,7 @@ class Forward(Dynamics):
         idle, ydd = [*self.idle], super().ydd + 0.0
         ydd[..., idle] = 0.0
         still = self.accelerations(ydd)
-        moved = outward(self.pose, self.w, still)
+        moved = body_accelerations(self.pose, self.w, still)
         tau = self.demand(moved.needs(self.applied.g), self.acting(still, moved))
         Q = times(transpose(self.neutral), self.virtual_power(tau))
         ydd[..., idle] = self.idle_masses.solve(-Q / self.idle_sizes) / self.idle_sizes
@@ -141,7 +141,7 @@ class Forward(Dynamics):
     def momenta(self) -> list[tuple[Array, Array]]:
         """Linear, angular and rotor velocities per unit rate of each y_k, and their momenta. Shape (..., k, n) each."""
         mechanism, pairs = self.mechanism, zip(self.partial_motion, self._partial_momenta, strict=True)
-        flat = [(_flat(velocity), _flat(momentum)) for velocity, momentum in pairs]
+        flat = [(_flatten(velocity), _flatten(momentum)) for velocity, momentum in pairs]
         if (turning := np.flatnonzero(mechanism.rotors)).size:
             rows = transpose(self.joint_map[..., turning, :])
             flat.append((rows, mechanism.rotors[turning] * rows))
@@ -151,7 +151,7 @@ class Forward(Dynamics):
     def response(self) -> Array:
         """Second derivatives of the independent coordinates under all forces, ``M^-1 (Q - h)``. Shape (..., k)."""
         still = self.accelerations(0.0 * self.yd)
-        moved = outward(self.pose, self.w, still)
+        moved = body_accelerations(self.pose, self.w, still)
         tau = self.demand(moved.needs(self.applied.g), self.acting(still, moved))
         return self._masses.solve(-self.virtual_power(tau) / self._sizes) / self._sizes
 
@@ -213,7 +213,7 @@ class Forward(Dynamics):
         return total if self.given_forces is None else total + dot(self.given_forces, self.joint_velocity)
 
 
-def _flat(x: Array) -> Array:
+def _flatten(x: Array) -> Array:
     """Flatten the vectors of all bodies. Shape (..., b, 3) -> (..., 3 b)."""
     return x.reshape(*x.shape[:-2], 3 * x.shape[-2])
 
@@ -381,9 +381,9 @@ class NewtonEuler:
         unknown = (np.linalg.pinv(system / size, rcond=1e-12) @ right[..., None] / transpose(size))[..., 0]
         beta, k = still.copy(), len(loops.columns)
         beta[:, loops.columns] += unknown[:, :k] * loops.size
-        return at.accelerations_of_joints(beta, outward(at.pose, at.w, beta)), unknown[:, k:]
+        return at.accelerations_of_joints(beta, body_accelerations(at.pose, at.w, beta)), unknown[:, k:]
 
     def _needs(self, w: Array, beta: Array, g: Array) -> Array:
         """Return the wrenches about O that tree rates and accelerations require. (..., n_q) -> (..., b, 6)."""
         pose = self.at.pose
-        return at_origin(pose, outward(pose, w, beta).needs(g))
+        return at_origin(pose, body_accelerations(pose, w, beta).needs(g))

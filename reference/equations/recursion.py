@@ -84,7 +84,7 @@ def previous_wrench(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple
     return f, m if arm is None else m + cross(arm, f)
 
 
-def outward(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
+def body_accelerations(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
     """Compute body accelerations, eqs. (38)-(44), given rates and second derivatives of coordinates, (..., n_q)."""
     rest = np.zeros(3, dtype=w.dtype)
     each = [FrameMotion(Turning(rest, rest), rest)] * len(pose.lay.mechanism.body_index)

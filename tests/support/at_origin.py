@@ -62,7 +62,7 @@ def along_tree(at: Dynamics, wrenches: Array) -> Array:
 def replace_bracket(monkeypatch: pytest.MonkeyPatch, bracket: Bracket) -> None:
     """Lets all accelerations follow from eq. (44) under another bracket, those of cut joints included."""
 
-    def outward(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
+    def body_accelerations(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
         V, A = twists(pose, w), acceleration_screws(pose, w, beta, bracket)
         every = slice(None)
         vectors = (V[..., :3], A[..., :3], acceleration_at(V, A, pose.p))
@@ -77,7 +77,7 @@ def replace_bracket(monkeypatch: pytest.MonkeyPatch, bracket: Bracket) -> None:
         return velocity_at(relative(self, V, moved), self.at.p_child)
 
     for module in (closure, forward):
-        monkeypatch.setattr(module, "outward", outward)
+        monkeypatch.setattr(module, "body_accelerations", body_accelerations)
     monkeypatch.setattr(CutJoint, "_angular", lambda *of: relative(*of)[..., :3])
     monkeypatch.setattr(CutJoint, "_linear", linear)
     monkeypatch.setattr(kinematics, "lie_bracket", bracket)

@@ -75,7 +75,7 @@ def find_reasons(
     """
     real = [fact for fact in facts if fact.kind != "digits"]
     case, found = Unexplained(real, pair, (parse_file(files[0]), parse_file(files[1]))), list[Reason]()
-    for entry in (_geoms, _totals, _whole, _orders, _exchanges, _gears, _merges, _conventions, _single_slips):
+    for entry in (_geoms, _totals, _units_of_whole, _orders, _exchanges, _gears, _merges, _conventions, _single_slips):
         some = _merge_reasons(entry(case))
         found += some
         taken = {id(fact) for each in some for fact in each.facts}
@@ -91,7 +91,7 @@ def _merge_reasons(some: Iterable[Reason]) -> list[Reason]:
     return [replace(g[0], facts=tuple({id(f): f for each in g for f in each.facts}.values())) for g in groups.values()]
 
 
-def _whole(case: Unexplained) -> Iterator[Reason]:
+def _units_of_whole(case: Unexplained) -> Iterator[Reason]:
     """Find units that explain the scale factors of B as a whole."""
     for fact in (each for each in case.of("whole") if isinstance(each.b, Whole)):
         for factor, si in ((fact.b.length, "m"), (fact.b.mass, "kg"), (fact.b.inertia, "kg m^2")):
@@ -223,12 +223,12 @@ def _merges(case: Unexplained) -> Iterator[Reason]:
         gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}
         for names in dict.fromkeys([tuple(gone), *((p,) for p in gone)]) if gone else ():
             made = _mergers(body.fixed, gone, names, old)
-            slips = next((slips for slips, matter in made if _same(matter, new, 10.0 * case.loose)), [])
+            slips = next((slips for slips, matter in made if _have_equal_matter(matter, new, 10.0 * case.loose)), [])
             side = "B" if own is case.pair.a else "A"
             yield from (Reason(slip, facts, (" and ".join(names), side)) for slip in slips)
 
 
-def _same(one: Matter, other: Matter, loose: float) -> bool:
+def _have_equal_matter(one: Matter, other: Matter, loose: float) -> bool:
     """Return True if two bodies have equal mass properties, each within a relative tolerance."""
     pairs = [(np.asarray(getattr(one, what)), np.asarray(getattr(other, what))) for what in INERTIAL]
     return all(float(np.abs(a - b).max()) <= loose * float(np.abs(b).max()) for a, b in pairs)
@@ -279,7 +279,7 @@ def _conventions(case: Unexplained) -> Iterator[Reason]:
                     yield Reason(str(slip[0]), facts, (side, *slip[1:]))
 
 
-def _local(file: Written, machine: Machine, ends: Ends) -> Array:
+def _relative_frame(file: Written, machine: Machine, ends: Ends) -> Array:
     """Return the far body's frame relative to the near body, from the file if possible, else from the home pose."""
     written = file.plain
     near, far = (written[n] if {*ends} <= written.keys() else machine.bodies[n].pose for n in ends)
@@ -295,7 +295,7 @@ def _differing_joints(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], tup
         if facts:
             ends = (one.near, one.far), (other.near, other.far)
             sides = zip(case.files, (case.pair.a, case.pair.b), ends, strict=True)
-            yield tuple(facts), ends, tuple(_local(*side) for side in sides)  # type: ignore[misc]
+            yield tuple(facts), ends, tuple(_relative_frame(*side) for side in sides)  # type: ignore[misc]
 
 
 def _single_slips(case: Unexplained) -> Iterator[Reason]:

@@ -274,7 +274,7 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
     for key in dict.fromkeys((*ours, *theirs)):
         mine, others = list(ours.get(key, ())), list(theirs.get(key, ()))
         for each in list(mine):
-            if partner := next((other for other in others if _same(each, other)), None):
+            if partner := next((other for other in others if _agree(each, other)), None):
                 mine.remove(each)
                 others.remove(partner)
                 yield each, partner
@@ -312,7 +312,7 @@ def _size(x: float | str, y: float | str) -> float:
     return 0.0 if x == y else math.inf
 
 
-def _same(a: Content, b: Content) -> bool:
+def _agree(a: Content, b: Content) -> bool:
     """Return True if the values of both items are known and equal, up to rounding."""
     if a.values is None or b.values is None or len(a.of) != len(b.of) or len(a.values) != len(b.values):
         return False
@@ -329,7 +329,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
     one = a or b
     assert one is not None
     kind, both = kinds()[one.kind], a is not None and b is not None
-    if kind.name == OTHER and alike and a is not None and b is not None and _same(a, b):
+    if kind.name == OTHER and alike and a is not None and b is not None and _agree(a, b):
         return "same"  # both files specify it identically for the same parts
     if kind.fate != "compared":
         return kind.fate
@@ -339,7 +339,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
     if texts and not alike:  # texts contain names of joints
         return "withheld"
     if both:
-        return "same" if _same(a, b) else "differs"  # type: ignore[arg-type]
+        return "same" if _agree(a, b) else "differs"  # type: ignore[arg-type]
     mine, other = readings if b is None else readings[::-1]
     if kind.alone == "aside":
         return "differs" if mine.form == other.form else "aside" if mine.form != "mjcf" else "withheld"

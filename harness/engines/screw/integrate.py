@@ -223,7 +223,7 @@ def integrate(
         options["jac"] = run.jacobian
     stopped = run.steps(method, state, options, progress)
     cost = run.clock.cost(run.taken, run.evaluations)
-    whole = _whole(lay, run, begin)
+    whole = _sample_run(lay, run, begin)
     return Trajectory(
         t=times[: len(run.work)],
         rates=whole,
@@ -235,7 +235,7 @@ def integrate(
     )
 
 
-def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
+def _sample_run(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
     """Return closed poses and rates at the requested times.
 
     Args:

@@ -275,7 +275,7 @@ class Variants:
             if not left.size:
                 break
         for lane in [*far, *left.tolist()]:
-            why[lane] = self._alone(poses, p[:, lane], [array[..., lane] for array in into])
+            why[lane] = self._solve_variant(poses, p[:, lane], [array[..., lane] for array in into])
 
     def _run(self, poses: ClosedSamples, p: Array, into: Sequence[Array], again: int) -> _Worst:
         """Run the program at all samples, rerun it `again` times from its last poses, and fill in the values."""
@@ -303,7 +303,7 @@ class Variants:
                     array[i] = lanes.out[first:end, :count]
         return worst
 
-    def _alone(self, poses: ClosedSamples, p: Array, into: Sequence[Array]) -> str:
+    def _solve_variant(self, poses: ClosedSamples, p: Array, into: Sequence[Array]) -> str:
         """Solve a variant with the array solver, starting from its own home pose; return the reason if this fails."""
         motion = GivenMotion(poses.t, poses.y, poses.yd, poses.ydd)
         try:

@@ -110,16 +110,16 @@ def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array
     loops = closed.loops
     if joint in loops.cut:
         return np.zeros((len(alone), 3)), np.array([float(anchor.joint == joint.name) for anchor in loops.anchors])
-    body = _outer(joint, closed)
-    beyond = [float(body in closed.inwards(side)) for side in range(alone.shape[1])]
+    body = _outer_body(joint, closed)
+    beyond = [float(body in closed.ancestry(side)) for side in range(alone.shape[1])]
     shares = [0.0 if anchor.angular else beyond[anchor.parent] - beyond[anchor.child] for anchor in loops.anchors]
     return alone[:, body, :3], np.array(shares)
 
 
-def _outer(joint: Joint, closed: ClosedTree) -> int:
+def _outer_body(joint: Joint, closed: ClosedTree) -> int:
     """Return the outer body of a tree joint."""
     parent, child = closed.loops.sides(joint)
-    return child if child and closed.inwards(child)[1] == parent else parent
+    return child if child and closed.ancestry(child)[1] == parent else parent
 
 
 def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array) -> Array:
@@ -139,7 +139,7 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
         if joint in loops.cut:
             wrench, body = _anchor_wrench(joint, loops, at, multipliers), child
         else:
-            body = _outer(joint, closed)
+            body = _outer_body(joint, closed)
             wrench = transmitted[:, body] * (1.0 if body == child else -1.0)
         reactions.append(components(closed.joint_pose(joint, at), wrench, at.p[:, body]))
     return np.concatenate([*reactions, multipliers[:, 3 * len(loops.anchors) :]], axis=1)

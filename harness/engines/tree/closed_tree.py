@@ -290,9 +290,9 @@ class ClosedTree:
         """Indices of the description's bodies in the tree, ground being 0."""
         return [self.loops.index[name] for name in self.file.bodies]
 
-    def inwards(self, body: int) -> list[int]:
+    def ancestry(self, body: int) -> list[int]:
         """Return a body of the tree, its ancestors, and ground."""
-        return [body, *self.inwards(self.loops.index[self.tree.parents[body - 1]])] if body else [0]
+        return [body, *self.ancestry(self.loops.index[self.tree.parents[body - 1]])] if body else [0]
 
     def cut_joint(self, name: str) -> Joint:
         return next(joint for joint in self.loops.cut if joint.name == name)

@@ -148,14 +148,14 @@ def still_parts(node: Any) -> Any:
     """Remove interactive parts from a chart, such as invisible points."""
     if isinstance(node, list):
         return [
-            still_parts(item) for item in node if not (isinstance(item, dict) and ("select" in item or _unseen(item)))
+            still_parts(item) for item in node if not (isinstance(item, dict) and ("select" in item or _is_clear(item)))
         ]
     if not isinstance(node, dict):
         return node
     return {k: still_parts(v) for k, v in node.items() if k != "tooltip" and not (k == "opacity" and "param" in str(v))}
 
 
-def _unseen(layer: Spec) -> bool:
+def _is_clear(layer: Spec) -> bool:
     return bool(layer.get("encoding", {}).get("opacity") == {"value": 0.0})
 
 

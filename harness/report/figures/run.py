@@ -127,11 +127,11 @@ def _curves(
                 series += [({**fields, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
     engines = {engine: Look(GREY, shape=SIGNS[k % len(SIGNS)]) for k, engine in enumerate(shown)}
     scales = chart.ways("curve", looks) | chart.ways("engine", engines)
-    more = {**scales, **grid, "height": HEIGHTS[grid["columns"]], "title": title, "y_scale": _flat(series)}
+    more = {**scales, **grid, "height": HEIGHTS[grid["columns"]], "title": title, "y_scale": _constant_scale(series)}
     return {**chart.curves(series, moving, linear=True), **more}
 
 
-def _flat(series: Iterable[Curve]) -> Spec:
+def _constant_scale(series: Iterable[Curve]) -> Spec:
     """Build the scale for curves that are constant up to rounding, whose tick labels would otherwise all be equal."""
     known = np.concatenate([v[np.isfinite(v)] for _, _, v in series] or [np.zeros(0)])
     largest = float(np.abs(known).max(initial=0.0))
@@ -161,12 +161,12 @@ def _differences(apart_by_pair: dict[str, Apart], tolerance: float | None, title
             looks[name] = Look(GREY, dash)
             ends = np.array([times.min(), times.max()])
             series.append(({"pair": name, "kind": "line"}, ends, np.full(2, level)))
-    return _lower(
+    return _dual_panel(
         series, looks, title, (floor / 10 if zero else floor, 1.5 * max(high, tolerance or 0.0), 1.1 * high), moving
     )
 
 
-def _lower(
+def _dual_panel(
     series: Sequence[Curve],
     looks: dict[str, Look],
     title: str,
@@ -205,7 +205,7 @@ def _condition(name: str, comparison: Comparison) -> Picture:
             fields = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
             series += [({**fields, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
         return chart.fill_template(
-            "differences", **_lower(series, looks, title, (low, high, 1.1 * high), moving, axis=axis, marked=1.0)
+            "differences", **_dual_panel(series, looks, title, (low, high, 1.1 * high), moving, axis=axis, marked=1.0)
         )
 
     return chart.picture(name, "Condition number of the closure along the path", build)

@@ -123,7 +123,7 @@ def _nine_digits(bench: Bench) -> list[Row]:
     ]
 
 
-def _narrow(bench: Bench) -> list[Row]:
+def _float32_notes(bench: Bench) -> list[Row]:
     """Return the digits of float32 contestants, the digits that rounding may leave, and run times."""
     return [
         {
@@ -221,7 +221,7 @@ def _measurements(bench: Bench) -> list[Row]:
     return lines
 
 
-def _about(bench: Bench) -> dict[str, Any]:
+def _facts(bench: Bench) -> dict[str, Any]:
     compared = {"compared": count(len(bench.scene.t), "sample"), "errors against": bench.reference}
     return {**shorten_hashes(judged_files(bench.provenance)), **compared}
 
@@ -344,13 +344,13 @@ PAGE = Report(
     values={
         "title": lambda bench: f"{bench.scene.title or bench.scene.name}: error against run time",
         "remarks": _remarks,
-        "about": _about,
+        "about": _facts,
         "files": lambda bench: judged_files(bench.provenance),
         "cheapest": lambda bench: _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1]),
         "no truth": lambda bench: bench.reference != "truth",
         "reached": _nine_digits,
         "reach": _reach,
-        "narrow": _narrow,
+        "narrow": _float32_notes,
         "failed": _failures,
         "cut short": _cut_short,
         "cut rows": _rows(CUT),

@@ -119,7 +119,7 @@ def _pictures(check: Check) -> list[Picture]:
     return drawn
 
 
-def _about(check: Check) -> dict[str, Any]:
+def _facts(check: Check) -> dict[str, Any]:
     """Return the facts for the top of the page, such as the number of scenes, engines, files and date."""
     engines = dict.fromkeys(f"{name} {version}".strip() for row in check.rows for name, version in row.versions.items())
     files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(check).items()]
@@ -201,7 +201,7 @@ PAGE = _Page(
     data={"check.json": lambda check: check.record},
     values={
         "title": lambda check: f"Check of {first_few([row.scene for row in check.rows], 3)}",
-        "about": _about,
+        "about": _facts,
         "files": _files,
         "rows": _rows,
         "tolerances": _tolerances,

@@ -111,7 +111,7 @@ def _sides(diagnosis: Diagnosis) -> tuple[tuple[str, Model], tuple[str, Model]]:
     return ("A", diagnosis.a), ("B", diagnosis.b)
 
 
-def _about(diagnosis: Diagnosis) -> dict[str, Any]:
+def _facts(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         side: f"{Path(m.label).name}{f' (SHA-256 {m.sha256[:8]})' if m.sha256 else ''}, read by {m.library}"
         for side, m in _sides(diagnosis)
@@ -138,7 +138,7 @@ PAGE = Report(
     data={"diagnosis.json": summary},
     values={
         "title": lambda diagnosis: " and ".join(f"{Path(m.label).name} ({m.library})" for _, m in _sides(diagnosis)),
-        "about": _about,
+        "about": _facts,
         "differences": _differences,
         "causes": _causes,
         "scale": _scale,

@@ -50,7 +50,7 @@ def _banner(found: Identification) -> Banner:
     return Banner.of(headline(found), found.exit_status == 0, "TOLD" if found.fit else "COUNTED", "NOT EXPLAINED")
 
 
-def _unseen(found: Identification) -> Iterator[str]:
+def _blind_spots(found: Identification) -> Iterator[str]:
     """Yield sentences on mass moments that may shift through a joint unnoticed, and on numbers that have no effect."""
     through = [one for one in found.structure.directions if one.kind != LIST]
     for (joint, kind, bodies), some in groupby(through, lambda one: (one.joint, one.kind, one.bodies)):
@@ -126,7 +126,7 @@ PAGE = Report(
         "headline": headline,
         "about": lambda found: {"scene": found.scene.name, "data": found.data.name if found.data else "none"},
         "seen": _best_rows,
-        "unseen": lambda found: [*_unseen(found)],
+        "unseen": lambda found: [*_blind_spots(found)],
         "lists": lambda found: [*_lists(found)],
         "numbers": _rows,
         "prior": lambda found: _share(found.size),

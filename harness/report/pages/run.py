@@ -20,7 +20,7 @@ from screwgauge.report.folder import SAMPLES
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.left_out import left_out_rows
 from screwgauge.report.record import (
-    about,
+    describe_run,
     forces,
     judged_files,
     samples,
@@ -92,7 +92,7 @@ def _is_open_tree(row: Row) -> bool:
     return bool(row["ok"]) and row["what"].removeprefix("judge: ").startswith("tree force")
 
 
-def _what(results: Comparison) -> dict[str, Any]:
+def _summary_line(results: Comparison) -> dict[str, Any]:
     """Describe the scene and files briefly for the first screen."""
     files, versions = shorten_hashes(judged_files(results.provenance)), dict[str, Any]()
     for name in (*results.solutions, *results.failures):
@@ -242,7 +242,7 @@ VALUES: dict[str, Value] = {
     "title": lambda results: f"{results.scene.title or results.scene.name}: verification report",
     "worst three": _worst_three,
     "remarks": lambda results: conclusion(results)[1],
-    "what": _what,
+    "what": _summary_line,
     "every pair": lambda results: _error_rows(rows(results.pairs)),
     "pairs that differ": lambda results: _error_rows(row for row in rows(results.pairs) if not row["ok"]),
     "residuals": lambda results: _error_rows(rows(results.judge)),
@@ -259,7 +259,7 @@ VALUES: dict[str, Value] = {
     "parameters": _parameters,
     "estimates": estimates,
     "limit": lambda results: LIMIT,
-    "computed": lambda results: about(results.scene, results.times) | judged_files(results.provenance),
+    "computed": lambda results: describe_run(results.scene, results.times) | judged_files(results.provenance),
     "engines": lambda results: [*_engines(results)],
     "not unique": lambda results: rows(results.errors[results.errors["ok"].isna()]),
     "notes": lambda results: [f"{name}: {note}" for name, s in results.solutions.items() for note in s.notes],

@@ -234,15 +234,15 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
     if (n := first.overconstraints) and normal is not None and n == 3 * (len(first.legs) - 1):
         each = "leg" if _has_legs(first) else "chain"
         text.append(
-            f"Each {each} by itself keeps {first.body} in the plane, so that {_many(n, 'constraint')} are redundant."
+            f"Each {each} by itself keeps {first.body} in the plane, so that {_count(n, 'constraint')} are redundant."
         )
     elif n:
-        text.append(f"{_many(n, 'of these', '').capitalize()} constraints {'is' if n == 1 else 'are'} redundant.")
+        text.append(f"{_count(n, 'of these', '').capitalize()} constraints {'is' if n == 1 else 'are'} redundant.")
     if n := idle_forces(lay, motion.q[:1]).shape[1]:
-        freedoms = _many(len(mechanism.independent), "degree of freedom", "degrees of freedom", whole=True)
+        freedoms = _count(len(mechanism.independent), "degree of freedom", "degrees of freedom", whole=True)
         idle = "does no work and only preloads" if n == 1 else "do no work and only preload"
         text.append(
-            f"{len(mechanism.actuator_names)} actuators for {freedoms}: {_many(n, 'combination')} of their forces"
+            f"{len(mechanism.actuator_names)} actuators for {freedoms}: {_count(n, 'combination')} of their forces"
             f" {idle} the mechanism, so that a rule has to choose {'it' if n == 1 else 'them'}."
         )
     kinds = [[[*map(_kind, system)] for system in (*one.wrenches, one.twists)] for one in holding]
@@ -292,7 +292,7 @@ def _screws(system: Sequence[ScrewElement], nouns: tuple[str, ...], places: Mapp
     """Describe a system of screws, such as ``two rotations through s, about x and y``."""
     force, couple, wrench, along, about, all_six = nouns
     lines, ways, screws = ([one for one in system if _kind(one) == k] for k in range(3))
-    parts, many = [], _many(len(lines), force)
+    parts, many = [], _count(len(lines), force)
     if len(lines) > 1 and all(np.allclose(one.point, lines[0].point, rtol=0.0, atol=1e-9) for one in lines):
         directions = f", {along} {join_all([_way(one.direction) for one in lines])}" if len(lines) == 2 else ""
         parts.append(f"{many} through {_place(lines[0], places)}{directions}")
@@ -304,11 +304,11 @@ def _screws(system: Sequence[ScrewElement], nouns: tuple[str, ...], places: Mapp
         parts.append(f"a {wrench} about {_way(one.direction)} through {_place(one, places)} of {pitch}")
     if ways:
         directions = "every axis" if len(ways) == 3 else join_all([_way(one.direction) for one in ways])
-        parts.append(f"{_many(len(ways), couple)} {about} {directions}")
+        parts.append(f"{_count(len(ways), couple)} {about} {directions}")
     return all_six if len(system) == 6 else join_all(parts) if parts else "none"
 
 
-def _many(n: int, what: str, plural: str = "s", *, whole: bool = False) -> str:
+def _count(n: int, what: str, plural: str = "s", *, whole: bool = False) -> str:
     return f"{NUMBERS[n] if n < len(NUMBERS) else n} {what if n == 1 else plural if whole else what + plural}"
 
 

@@ -67,10 +67,10 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     for name in ENGINES:
         yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))
     # an engine that is not installed still gets rows in the table
-    closed = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
-    raw, right = pull_apart(scene, names, gap), _at(true.values, names)
+    closed = {name: _closed_states(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
+    raw, right = pull_apart(scene, names, gap), _closed_states(true.values, names)
     reduced, every = variant("screw", reduced_equations), mechanism.coordinates
-    yield _accelerations(given, reduced, _at(solutions["screw"].values, every))
+    yield _accelerations(given, reduced, _closed_states(solutions["screw"].values, every))
     yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
     for label, states, more, cause in (
         ("projected", closed["pinocchio"], {}, ""),
@@ -127,7 +127,7 @@ def _direction(shape: tuple[int, ...], phase: float) -> Array:
     return np.asarray(pattern / np.abs(pattern).max(axis=1, keepdims=True))
 
 
-def _at(values: Mapping[str, Values], names: tuple[str, ...]) -> States:
+def _closed_states(values: Mapping[str, Values], names: tuple[str, ...]) -> States:
     """Return the closed states for the given coordinates."""
     return States(names, *(values[name].pick(names).array for name in ("joint_position", "joint_velocity")))
 

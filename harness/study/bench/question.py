@@ -356,7 +356,7 @@ def closure_residuals(motion: TreeMotion[MechanismTree]) -> tuple[Array, Array]:
     closures = loops_of(tree.mechanism, "minimal").closures
     parent, child = (
         motion.links.frames(
-            stack_frames([tree.on(getattr(c, side), Frame(x)) for c in closures for x in getattr(c, f"{side}_points")])
+            stack_frames([tree.fix(getattr(c, side), Frame(x)) for c in closures for x in getattr(c, f"{side}_points")])
         )
         for side in ("parent", "child")
     )

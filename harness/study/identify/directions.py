@@ -61,7 +61,7 @@ class Structure:
 
 def structure(regressor: Regressor, seed: int = 0) -> Structure:
     """Determine, from random rates, which of the unknown numbers can be identified at all."""
-    matrix = regressor.shaken(seed)
+    matrix = regressor.random_effects(seed)
     scales = np.linalg.norm(matrix, axis=0)
     scales[scales <= LEAST * scales.max(initial=0.0)] = np.inf
     units = np.where(np.isfinite(scales), 1.0 / scales, 1.0)

@@ -87,7 +87,7 @@ class Regressor:
         bodies = [f"{body.name}.{moment}" for body in self.matter.bodies for moment in MOMENTS]
         return [*bodies, *(name.removeprefix("joints.") for name in self.matter.resists)]
 
-    def shaken(self, seed: int) -> Array:
+    def random_effects(self, seed: int) -> Array:
         """Return the effect of a unit of each moment and resistance at poses of the machine with random rates.
 
         The poses come from the scene and from an exciting motion. Since rates and accelerations are random, numbers

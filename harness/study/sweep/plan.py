@@ -126,14 +126,14 @@ def read_plan(file: Path) -> Plan:
         title=read_text(data, "title", where, f"Variants of {scene.title}"),
         quantities=check_quantities(data.get("quantities", ["actuator_force"]), where, OF_MOTION),
         statistics=tuple(check_choice("statistic", data.get("statistics", [*KEPT]), STATISTICS, where)),
-        count=_whole(data, "variants", 1000 if scatter else 1, 1, where),
-        seed=_whole(data, "seed", 0, 0, where),
+        count=_read_count(data, "variants", 1000 if scatter else 1, 1, where),
+        seed=_read_count(data, "seed", 0, 0, where),
         design=check_name("design", data.get("design", DESIGNS[0]), DESIGNS, where),
         scatter=scatter,
         grid=grid,
-        check=_whole(data, "check", 2, 0, where),
+        check=_read_count(data, "check", 2, 0, where),
         table=check_name("table", data.get("table", TABLES[0]), TABLES, where),
-        indices=_whole(data, "indices", 0, 0, where),
+        indices=_read_count(data, "indices", 0, 0, where),
         file=file,
     )
     if plan.variants > MOST:
@@ -141,7 +141,7 @@ def read_plan(file: Path) -> Plan:
     return plan
 
 
-def _whole(data: Mapping[str, Any], key: str, usual: int, least: int, where: str) -> int:
+def _read_count(data: Mapping[str, Any], key: str, usual: int, least: int, where: str) -> int:
     value = data.get(key, usual)
     count = value if isinstance(value, int) and not isinstance(value, bool) else number(value, f"{where}, {key}")
     if count != int(count) or not least <= count <= MOST:
@@ -211,5 +211,5 @@ def _grid(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list
         values = np.array([number(x, where) for x in listed])
     else:
         first, last = (number(require(table, key, where), f"{where}.{key}") for key in ("from", "to"))
-        values = np.linspace(first, last, _whole(table, "count", 2, 2, where))
+        values = np.linspace(first, last, _read_count(table, "count", 2, 2, where))
     return [(name, values) for name in resolve(known, [pattern], where)]
