@@ -108,7 +108,7 @@ def test_the_address_of_a_bench_knows_scene_and_extent():
 @pytest.fixture
 def fresh(monkeypatch):
     def forget() -> None:
-        for each in (address_module._code, address_module._engines, address_module._installed):
+        for each in (address_module._code, address_module._engines, address_module._distributions):
             each.cache_clear()
 
     def made() -> str:

@@ -83,7 +83,7 @@ class Regressor:
 
     @cached_property
     def names(self) -> list[str]:
-        """Names of moments and resistances, the columns of `shaken`."""
+        """Names of moments and resistances, the columns of `random_effects`."""
         bodies = [f"{body.name}.{moment}" for body in self.matter.bodies for moment in MOMENTS]
         return [*bodies, *(name.removeprefix("joints.") for name in self.matter.resists)]
 

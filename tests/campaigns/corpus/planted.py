@@ -21,7 +21,7 @@ WORDS = {
     "armature": r"\barmature\b",
     "stiffness": r"\bstiffness\b|\bspring",
     "gear": r"\bgear\b",
-    "gravcomp": r"compensated|gravcomp|weight",
+    "gravcomp": r"compensation|gravcomp|weight",
     "closure": r"\bframe on\b|\bclosure|\bconnect|\bpoint\b|\banchor|\bloop|\belsewhere",
     "coupling": r"\bfollows\b|\bcoupling|\bmimic|\bmultiplier|\bfactor",
     "gravity": r"\bgravity\b",
