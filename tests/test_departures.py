@@ -180,7 +180,7 @@ def test_a_verdict_names_three_doubts_and_counts_them_all(scene, own):
     results = screwgauge.run(scene, engines=("screw", "mujoco"), quantities=("joint_position",))
     doubtful = replace(results.solutions["mujoco"], warnings=("one", "two.", "three", "four"))
     banner = verdict(replace(results, solutions={**results.solutions, "mujoco": doubtful}))
-    assert banner.text.startswith("one. two. three. All 4 ")
+    assert banner.text.startswith("one. two. three. All 4 reservations")
 
 
 @pytest.fixture

@@ -96,7 +96,7 @@ def test_report_says_what_is_assumed_and_whether_it_matters(ankle, tmp_path):
 
     assert all(MATTERS not in one and "without momentum" in one for one in said(1e-5))
     assert all(MATTERS in one and "without momentum" in one for one in said(1e-5, HELD))
-    assert all(MATTERS in one and "rest" in one for one in said(0.0))
+    assert all(MATTERS in one and "assumed to rest" in one for one in said(0.0))
     results = ankle("S", 1e-5, engines=("screw",))
     results.write(tmp_path / "out")
     assert said(1e-5)[0] in (tmp_path / "out" / "report.md").read_text()
